@@ -1,0 +1,28 @@
+"""What can go wrong, as types: the command line maps them to exit statuses 2 and 3."""
+
+
+class StcalibError(Exception):
+    """Base of every error this package raises on purpose.
+
+    The message is one line for a person: it names the offending value and the next step.
+    """
+
+    exit_status = 2
+
+
+class InputError(StcalibError):
+    """Unusable arguments, files or messages (exit status 2)."""
+
+    exit_status = 2
+
+
+class CalibrationError(StcalibError):
+    """No trustworthy calibration can be had from this data (exit status 3)."""
+
+    exit_status = 3
+
+
+class Cancelled(StcalibError):
+    """The caller asked to stop; nothing was left half done (exit status 3)."""
+
+    exit_status = 3

@@ -1,0 +1,142 @@
+"""Everything that can be set, with the default that measured best."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+from stcalib_ros.core.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class RegistrationOptions:
+    """Pairwise registration (the paper's Section III).
+
+    Attributes
+    ----------
+    min_overlap : int
+        Samples that two tracks must share at a lag for it to count.
+    n_candidates : int
+        Best (track, track, lag) triples that vote.
+    n_hypotheses : int
+        Distinct hypotheses kept of a pair of cameras.
+    n_refined : int
+        How many of them are refined on the key points.
+    """
+
+    min_overlap: int = 12
+    n_candidates: int = 400
+    n_hypotheses: int = 12
+    n_refined: int = 5
+
+
+@dataclass(frozen=True, slots=True)
+class IntegrationOptions:
+    """Multi-view integration (Section IV).
+
+    Attributes
+    ----------
+    n_trees : int
+        Random spanning trees tried over the pair hypotheses.
+    """
+
+    n_trees: int = 300
+
+
+@dataclass(frozen=True, slots=True)
+class BundleOptions:
+    """Spatiotemporal bundle adjustment (Section IV).
+
+    Attributes
+    ----------
+    rounds : int
+        Rounds of association, adjustment and outlier removal (ISTBA).
+    max_iterations : int
+        Levenberg-Marquardt steps of a round.
+    outlier_factor : float
+        Observations above this multiple of the median error are dropped.
+    outlier_floor_px : float
+        But never below this.
+    """
+
+    rounds: int = 5
+    max_iterations: int = 12
+    outlier_factor: float = 3.0
+    outlier_floor_px: float = 12.0
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of `stcalib_ros.core.pipeline.calibrate`.
+
+    Attributes
+    ----------
+    reference : str or None
+        Camera that gives the reference frame and clock; None: the first.
+    offset_range_s : float
+        Clock offsets are searched within plus and minus this.
+    min_score : float
+        Joints with a lower score are not used.
+    min_common_frames : int
+        Images that two cameras must share in time.
+    seed : int
+        Of the random spanning trees.
+    """
+
+    reference: str | None = None
+    offset_range_s: float = 2.0
+    min_score: float = 0.3
+    min_common_frames: int = 12
+    seed: int = 0
+    registration: RegistrationOptions = field(default_factory=RegistrationOptions)
+    integration: IntegrationOptions = field(default_factory=IntegrationOptions)
+    bundle: BundleOptions = field(default_factory=BundleOptions)
+
+    def __post_init__(self) -> None:
+        if not self.offset_range_s > 0:
+            raise InputError(f"offset_range_s must be above 0, got {self.offset_range_s}")
+
+
+_T = TypeVar("_T")
+
+
+def options_from_mapping(given: Mapping[str, Any]) -> Options:
+    """Options from a nested mapping, as a YAML file gives it.
+
+    Raises
+    ------
+    InputError
+        A key is unknown or a value has the wrong type; the message lists what there is.
+    """
+    return _overlay(Options(), given, "")
+
+
+def _overlay(options: _T, given: Mapping[str, Any], path: str) -> _T:
+    known = {f.name: getattr(options, f.name) for f in fields(options)}  # type: ignore[arg-type]
+    changes: dict[str, Any] = {}
+    for key, value in given.items():
+        if key not in known:
+            raise InputError(f"unknown option {path}{key}: there are {', '.join(known)}")
+        changes[key] = _converted(known[key], value, f"{path}{key}")
+    return replace(options, **changes)  # type: ignore[type-var]
+
+
+def _converted(default: Any, value: Any, path: str) -> Any:
+    if is_dataclass(default):
+        if not isinstance(value, Mapping):
+            raise InputError(f"option {path} holds further options, got {value!r}")
+        return _overlay(default, value, path + ".")
+    if isinstance(default, bool) or isinstance(value, bool):
+        if isinstance(default, bool) and isinstance(value, bool):
+            return value
+    elif isinstance(default, float) and isinstance(value, int | float):
+        return float(value)
+    elif isinstance(default, int) and isinstance(value, int):
+        return value
+    elif (default is None or isinstance(default, str)) and isinstance(value, str):
+        return value
+    elif default is None and value is None:
+        return None
+    wanted = "text" if default is None else type(default).__name__
+    raise InputError(f"option {path}: expected {wanted}, got {value!r}")
