@@ -1,0 +1,107 @@
+"""Errors of a monocular 3D pose estimator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from stcalib_ros.core.synthetic.noise import smooth_noise
+from stcalib_ros.core.synthetic.skeleton import N_JOINTS, PARENTS
+from stcalib_ros.core.types import FloatArray
+
+_INHERITED = 0.8
+_PARTS = ((0.25, None), (0.5, 0.5), (0.25, 0.06))
+
+
+@dataclass(frozen=True, slots=True)
+class LifterErrors:
+    """How wrong one person's 3D poses from one camera are.
+
+    Attributes
+    ----------
+    mpjpe_m : float
+        Mean distance of the root-relative joints from the truth that the joint errors alone make
+        (before tilt, crop perspective and scale).
+    depth_ratio : float
+        Errors along the optical axis over those across.
+    tilt_rad : float
+        Root mean square angle of the slowly varying tilt.
+    crop : float
+        Share of the crop-perspective effect, 0..1.
+    scale : float
+        Estimated over true size.
+    """
+
+    mpjpe_m: float
+    depth_ratio: float
+    tilt_rad: float
+    crop: float
+    scale: float
+
+
+def lift(
+    rng: np.random.Generator, times: FloatArray, joints_cam: FloatArray, errors: LifterErrors
+) -> FloatArray:
+    """Monocular 3D pose of one person in one camera, relative to the root.
+
+    Parameters
+    ----------
+    rng : Generator
+    times : (T,) ndarray
+        Seconds.
+    joints_cam : (T, 17, 3) ndarray
+        True joints in the optical frame, metres.
+    errors : LifterErrors
+
+    Returns
+    -------
+    (T, 17, 3) ndarray
+    """
+    relative = joints_cam - joints_cam[:, :1]
+    wrong = relative + joint_errors(rng, times, errors.mpjpe_m, errors.depth_ratio)
+    tilt = _tilt(rng, times, errors.tilt_rad)
+    R = (tilt * crop_rotation(joints_cam[:, 0], errors.crop)).as_matrix()
+    lifted: FloatArray = errors.scale * np.einsum("tab,tjb->tja", R, wrong)
+    return lifted
+
+
+def joint_errors(
+    rng: np.random.Generator, times: FloatArray, mpjpe_m: float, depth_ratio: float
+) -> FloatArray:
+    """Errors (T, 17, 3), metres, alike in neighbouring joints and frames; the root has none.
+
+    A quarter of the variance is constant, half changes within a second, a quarter within a tenth.
+    """
+    shape = (N_JOINTS, 3)
+    own = np.zeros((len(times), *shape))
+    for share, tau_s in _PARTS:
+        part = (
+            rng.standard_normal(shape) if tau_s is None else smooth_noise(rng, times, shape, tau_s)
+        )
+        own = own + np.sqrt(share) * part
+    error: FloatArray = own * np.array([1.0, 1.0, depth_ratio])
+    error[:, 0] = 0.0
+    for joint in range(1, N_JOINTS):
+        error[:, joint] += _INHERITED * error[:, PARENTS[joint]]
+    size = np.linalg.norm(error, axis=-1).mean() if len(times) else 1.0
+    return error * (mpjpe_m / size)
+
+
+def crop_rotation(root_cam: FloatArray, share: float) -> Rotation:
+    """Rotation (T) that turns the bearing of the person to the optical axis, or a share of it.
+
+    A lifter that works on a crop believes that the camera looks straight at the person; what it
+    returns is the true pose turned by this.
+    """
+    bearing = root_cam / np.linalg.norm(root_cam, axis=-1, keepdims=True)
+    axis = np.cross(bearing, [0.0, 0.0, 1.0])
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, bearing[:, 2:])
+    return Rotation.from_rotvec(share * angle * axis / np.maximum(sine, 1e-12))
+
+
+def _tilt(rng: np.random.Generator, times: FloatArray, rms_rad: float) -> Rotation:
+    vector = np.sqrt(0.5) * (rng.standard_normal(3) + smooth_noise(rng, times, (3,), 1.0))
+    return Rotation.from_rotvec(rms_rad / np.sqrt(3) * vector)

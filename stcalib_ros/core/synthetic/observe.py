@@ -1,0 +1,194 @@
+"""One simulated camera: its clock, its images, and what detector, lifter and tracker report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core.synthetic import tracking
+from stcalib_ros.core.synthetic.detector import DetectorBias, displaced
+from stcalib_ros.core.synthetic.lifter import LifterErrors, lift
+from stcalib_ros.core.synthetic.noise import child_rng
+from stcalib_ros.core.synthetic.options import SceneOptions
+from stcalib_ros.core.synthetic.people import PersonMotion
+from stcalib_ros.core.synthetic.rigs import Rig, project
+from stcalib_ros.core.synthetic.skeleton import LAYOUT, MIRROR
+from stcalib_ros.core.types import BoolArray, CameraRecording, FloatArray, IntArray, Track
+
+_FLIP_S = (0.05, 0.3)
+_BURST_S = (0.2, 0.8)
+_MIN_KEYPOINTS = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Clock:
+    """When a camera looked, and when it says it did.
+
+    Attributes
+    ----------
+    stamps : (N,) ndarray
+        By the camera's clock, seconds since the epoch.
+    exposures_s : (N,) ndarray
+        The same images by the reference clock.
+    offset_s, skew : float
+        ``t_ref = t_cam + offset_s + skew * t_cam``.
+    """
+
+    stamps: FloatArray
+    exposures_s: FloatArray
+    offset_s: float
+    skew: float
+
+    @staticmethod
+    def random(
+        rng: np.random.Generator, options: SceneOptions, fps: float, *, is_reference: bool
+    ) -> Clock:
+        """Clock of one camera of a scene."""
+        first_fps = options.fps[0] if isinstance(options.fps, tuple) else options.fps
+        offset_s, skew = 0.0, 0.0
+        drawn = rng.uniform(-1, 1, 2)
+        if not is_reference:
+            offset_s = float(drawn[0]) * options.max_offset_frames / first_fps
+            skew = float(drawn[1]) * options.skew_ppm * 1e-6
+        n = max(2, round(options.n_frames * fps / first_fps))
+        nominal = np.arange(n) / fps
+        jitter = options.stamp_jitter_s * rng.standard_normal(n)
+        stamps = nominal + np.clip(jitter, -0.45 / fps, 0.45 / fps)
+        kept = rng.uniform(size=n) >= options.drop_rate
+        kept[[0, -1]] = True
+        return Clock(stamps[kept], (nominal + offset_s + skew * nominal)[kept], offset_s, skew)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sightings:
+    """What one camera saw, and the truth about it.
+
+    Attributes
+    ----------
+    camera : CameraRecording
+    track_persons : mapping of int to (F,) ndarray
+        Per track id, the true person in each of its frames.
+    n_keypoints : int
+        Key points seen.
+    noise_square_px2 : float
+        Sum over them of the squared distance from the projections of the true joints.
+    """
+
+    camera: CameraRecording
+    track_persons: Mapping[int, IntArray]
+    n_keypoints: int
+    noise_square_px2: float
+
+
+def observe(
+    rng: np.random.Generator,
+    people_seed: IntArray,
+    options: SceneOptions,
+    rig: Rig,
+    camera: int,
+    clock: Clock,
+    people: Sequence[PersonMotion],
+) -> Sightings:
+    """Simulate one camera of a rig.
+
+    Parameters
+    ----------
+    rng : Generator
+        Of this camera.
+    people_seed : (n,) ndarray of int
+        Seed of the errors that the cameras have in common: detector bias and size prior.
+    options : SceneOptions
+    rig : Rig
+    camera : int
+        Index into the rig.
+    clock : Clock
+    people : sequence of PersonMotion
+    """
+    lens, times = rig.intrinsics[camera], clock.exposures_s
+    R, t = rig.R_cam_world[camera], rig.t_cam_world[camera]
+    truth = np.stack([person(times) @ R.T + t for person in people], axis=1)
+    exact = project(lens, truth)
+    keypoints, joints = np.empty_like(exact), np.empty_like(truth)
+    draws = [child_rng(rng) for _ in people]
+    for p, own in enumerate(draws):
+        common = np.random.default_rng([*people_seed, 1_000 + p])
+        seen_at = displaced(truth[:, p], DetectorBias(common, 1e-3 * options.keypoint_bias_mm))
+        keypoints[:, p] = project(lens, seen_at)
+        joints[:, p] = lift(own, times, truth[:, p], _lifter(own, common, options))
+    keypoints += options.sigma_px * rng.standard_normal(keypoints.shape)
+    visible = _visible(child_rng(rng), options, times, truth, keypoints)
+    noise = (keypoints - exact)[visible]
+    _flip(child_rng(rng), options, times, keypoints, joints)
+    boxes = tracking.boxes_of(exact)
+    ids = tracking.fragment_ids(times, visible)
+    ids = tracking.switch_ids(child_rng(rng), times, ids, boxes, options.id_switches_per_10s / 10)
+    scores = np.where(np.isnan(keypoints[..., 0]), 0.0, rng.uniform(0.7, 1.0, keypoints.shape[:-1]))
+    tracks, persons = _tracks(ids, keypoints, joints, scores)
+    name = rig.names[camera]
+    recording = CameraRecording(
+        name, f"{name}_optical_frame", lens, LAYOUT, clock.stamps, tracks, metric=True
+    )
+    known = ~np.isnan(noise[..., 0])
+    return Sightings(recording, persons, int(known.sum()), float(np.sum(noise[known] ** 2)))
+
+
+def _lifter(
+    own: np.random.Generator, common: np.random.Generator, options: SceneOptions
+) -> LifterErrors:
+    scale = 1 + options.scale_error * (
+        np.sqrt(0.8) * common.standard_normal() + np.sqrt(0.2) * own.standard_normal()
+    )
+    return LifterErrors(
+        mpjpe_m=1e-3 * own.uniform(*options.lifter_mm),
+        depth_ratio=options.lifter_depth_ratio,
+        tilt_rad=np.deg2rad(options.tilt_deg),
+        crop=options.crop_perspective,
+        scale=float(scale),
+    )
+
+
+def _visible(
+    rng: np.random.Generator,
+    options: SceneOptions,
+    times: FloatArray,
+    truth: FloatArray,
+    keypoints: FloatArray,
+) -> BoolArray:
+    """Who is detected when (T, P)."""
+    n = keypoints.shape[1]
+    visible = np.isfinite(keypoints[..., 0]).sum(axis=-1) >= _MIN_KEYPOINTS
+    visible &= ~tracking.missing_stretches(child_rng(rng), times, n, options.missing)
+    visible &= ~tracking.bursts(child_rng(rng), times, n, options.bursts_per_10s / 10, _BURST_S)
+    if options.occlusions:
+        visible &= ~tracking.hidden_behind(tracking.boxes_of(keypoints), truth[:, :, 0, 2])
+    return np.asarray(visible)
+
+
+def _flip(
+    rng: np.random.Generator,
+    options: SceneOptions,
+    times: FloatArray,
+    keypoints: FloatArray,
+    joints: FloatArray,
+) -> None:
+    """Exchange left and right for short stretches, in place."""
+    rate = options.flip_rate / (0.5 * sum(_FLIP_S))
+    flipped = tracking.bursts(rng, times, keypoints.shape[1], rate, _FLIP_S)
+    keypoints[flipped] = keypoints[flipped][:, MIRROR]
+    joints[flipped] = joints[flipped][:, MIRROR]
+
+
+def _tracks(
+    ids: IntArray, keypoints: FloatArray, joints: FloatArray, scores: FloatArray
+) -> tuple[tuple[Track, ...], dict[int, IntArray]]:
+    tracks, persons = [], {}
+    for track_id in range(int(ids.max(initial=-1)) + 1):
+        frames, person = np.nonzero(ids == track_id)
+        at = frames, person
+        tracks.append(
+            Track(track_id, frames.astype(np.int64), keypoints[at], joints[at], scores[at])
+        )
+        persons[track_id] = person.astype(np.int64)
+    return tuple(tracks), persons

@@ -1,0 +1,151 @@
+"""What can be set about a simulated scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.synthetic.people import PEOPLE
+from stcalib_ros.core.synthetic.rigs import Rig
+
+
+@dataclass(frozen=True, slots=True)
+class SceneOptions:
+    """Options of `stcalib_ros.core.synthetic.simulate`.
+
+    Attributes
+    ----------
+    n_cameras, n_people, n_frames : int
+        `n_frames` is the length of a recording in frames of the first camera.
+    people : str
+        "mocap" (procedural where no clips are given), "procedural" (walking, with stops),
+        "standing" (nobody moves at all) or "gesturing" (at one place).
+    area_radius_m : float
+        People stay within about this of the middle.
+    fps : float or tuple of float
+        One for all, or one per camera.
+    image_size : (int, int)
+        Width and height, px.
+    focal_px : float
+    ring_radius_m, ring_height_m : (float, float)
+        Ranges of the distances of cameras from the middle, and of their heights.
+    rig : Rig or None
+        Given cameras instead of a ring.
+    rig_scale : float
+        Enlarges a given rig.
+    max_offset_frames : float
+        Clock offsets are uniform within plus and minus this, in frames of the first camera;
+        the first camera has none.
+    skew_ppm : float
+        Clock rates are wrong by up to this, uniformly; the first camera's is right.
+    stamp_jitter_s : float
+        Standard deviation of stamps about the true times of exposure, cut at 0.45 frames.
+    drop_rate : float
+        Share of images that a camera loses.
+    sigma_px : float
+        Noise of key points, per axis.
+    keypoint_bias_mm : float
+        Root mean square of the view-dependent displacement of key points (see `DetectorBias`).
+    lifter_mm : (float, float)
+        Range of the mean joint error (MPJPE) of the 3D poses, per person and camera.
+    lifter_depth_ratio : float
+        Joint errors along the optical axis over those across.
+    tilt_deg : float
+        Root mean square of the slow tilt of 3D poses, per person and camera.
+    crop_perspective : float
+        Share of the error of a lifter that believes to be looking straight at the person.
+    scale_error : float
+        Standard deviation of the 3D size of a person (the lifter's prior).
+    flip_rate : float
+        Share of the frames in which left and right are exchanged, 2D and 3D.
+    missing : float
+        Share of the person-frames of a view in which the person is not detected, in stretches.
+    occlusions : bool
+        People covered by somebody nearer are not seen.
+    bursts_per_10s : float
+        Short losses (0.2-0.8 s) per person and camera.
+    id_switches_per_10s : float
+        Exchanges of ids per person and camera, mostly when people are close in the image.
+    seed : int
+    """
+
+    n_cameras: int = 4
+    n_people: int = 3
+    n_frames: int = 300
+    people: str = "mocap"
+    area_radius_m: float = 1.6
+    fps: float | tuple[float, ...] = 30.0
+    image_size: tuple[int, int] = (1920, 1080)
+    focal_px: float = 1400.0
+    ring_radius_m: tuple[float, float] = (3.5, 5.0)
+    ring_height_m: tuple[float, float] = (1.5, 2.8)
+    rig: Rig | None = None
+    rig_scale: float = 1.0
+    max_offset_frames: float = 10.0
+    skew_ppm: float = 0.0
+    stamp_jitter_s: float = 0.0
+    drop_rate: float = 0.0
+    sigma_px: float = 3.0
+    keypoint_bias_mm: float = 0.0
+    lifter_mm: tuple[float, float] = (30.0, 60.0)
+    lifter_depth_ratio: float = 1.5
+    tilt_deg: float = 3.0
+    crop_perspective: float = 1.0
+    scale_error: float = 0.04
+    flip_rate: float = 0.01
+    missing: float = 0.0
+    occlusions: bool = False
+    bursts_per_10s: float = 0.0
+    id_switches_per_10s: float = 0.2
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, low in _AT_LEAST.items():
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= low):
+                raise InputError(f"{name} must be at least {low}, got {value}")
+        for name in _SHARES:
+            value = getattr(self, name)
+            if not 0 <= value < 1 and not (name == "crop_perspective" and value == 1):
+                raise InputError(f"{name} must be a share between 0 and 1, got {value}")
+        for name in ("ring_radius_m", "ring_height_m", "lifter_mm", "image_size"):
+            values = getattr(self, name)
+            if len(values) != 2 or not (np.isfinite(values).all() and min(values) >= 0):
+                raise InputError(f"{name} must be two numbers of at least 0, got {values}")
+        if self.focal_px <= 0 or self.rig_scale <= 0 or self.area_radius_m <= 0:
+            raise InputError("focal_px, rig_scale and area_radius_m must be above 0")
+        if self.people not in PEOPLE:
+            raise InputError(f"people: expected one of {', '.join(PEOPLE)}, got {self.people!r}")
+        self.rates(self.n_cameras if self.rig is None else len(self.rig.names))
+
+    def rates(self, n_cameras: int) -> tuple[float, ...]:
+        """Frame rate of each camera, Hz."""
+        rates = self.fps if isinstance(self.fps, tuple) else (self.fps,) * n_cameras
+        if len(rates) != n_cameras:
+            raise InputError(f"fps: {len(rates)} rates for {n_cameras} cameras")
+        if not all(np.isfinite(r) and r > 0 for r in rates):
+            raise InputError(f"fps must be above 0, got {self.fps}")
+        return rates
+
+
+_AT_LEAST = {
+    "n_cameras": 1,
+    "n_people": 1,
+    "n_frames": 2,
+    "max_offset_frames": 0,
+    "skew_ppm": 0,
+    "stamp_jitter_s": 0,
+    "sigma_px": 0,
+    "keypoint_bias_mm": 0,
+    "lifter_depth_ratio": 0,
+    "tilt_deg": 0,
+    "scale_error": 0,
+    "bursts_per_10s": 0,
+    "id_switches_per_10s": 0,
+    "focal_px": 0,
+    "rig_scale": 0,
+    "area_radius_m": 0,
+}
+_SHARES = ("drop_rate", "crop_perspective", "flip_rate", "missing")

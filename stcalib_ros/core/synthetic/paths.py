@@ -1,0 +1,122 @@
+"""Ways over the ground: smooth, random, and not through one another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core.synthetic.noise import smooth_noise
+from stcalib_ros.core.types import FloatArray
+
+_PERSONAL_M = 0.9
+_MAX_TURN = 2.5
+_TURN_DELAY_S = 0.25
+_SPEED_DELAY_S = 0.4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GroundPaths:
+    """Where everybody is on the ground.
+
+    Attributes
+    ----------
+    xy : (T, P, 2) ndarray
+        Metres.
+    heading : (T, P) ndarray
+        Angle of the forward direction from x, rad, continuous.
+    travelled : (T, P) ndarray
+        Way so far, metres.
+    """
+
+    xy: FloatArray
+    heading: FloatArray
+    travelled: FloatArray
+
+
+def random_paths(
+    rng: np.random.Generator,
+    times: FloatArray,
+    speeds: FloatArray,
+    radius: float,
+    *,
+    pauses: bool = False,
+    turning: float = 1.0,
+) -> GroundPaths:
+    """Ways of P people around the origin, who keep away from each other and from the border.
+
+    Parameters
+    ----------
+    rng : Generator
+    times : (T,) ndarray
+        Evenly spaced seconds.
+    speeds : (P,) ndarray
+        Preferred speeds, m/s; 0: stays at one place and turns slowly.
+    radius : float
+        Of the area, metres.
+    pauses : bool
+        People stop and start again now and then.
+    turning : float
+        How much they turn; 0: those who stay look straight ahead.
+    """
+    step = float(times[1] - times[0])
+    xy = _starting_places(rng, len(speeds), radius)
+    heading = rng.uniform(-np.pi, np.pi, len(speeds))
+    whim = turning * smooth_noise(rng, times, (len(speeds),), 1.0)
+    desired = np.tile(speeds, (len(times), 1))
+    if pauses:
+        desired = desired * _stop_and_go(rng, times, len(speeds))
+    turn, speed = np.zeros(len(speeds)), desired[0].copy()
+    out = [np.empty((len(times), *shape)) for shape in ((len(speeds), 2), (len(speeds),))]
+    travelled = np.zeros((len(times), len(speeds)))
+    for k in range(len(times)):
+        out[0][k], out[1][k] = xy, heading
+        wanted_turn, slack = _steer(xy, heading, whim[k], speeds, radius)
+        turn = turn + step / _TURN_DELAY_S * (wanted_turn - turn)
+        speed = speed + step / _SPEED_DELAY_S * (desired[k] * slack - speed)
+        heading = heading + step * turn
+        xy = xy + step * speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+        if k + 1 < len(times):
+            travelled[k + 1] = travelled[k] + step * speed
+    return GroundPaths(out[0], out[1], travelled)
+
+
+def _starting_places(rng: np.random.Generator, n: int, radius: float) -> FloatArray:
+    """Of many random arrangements the one whose closest pair is farthest apart."""
+    r = 0.85 * radius * np.sqrt(rng.uniform(size=(200, n)))
+    a = rng.uniform(-np.pi, np.pi, (200, n))
+    places = np.stack([r * np.cos(a), r * np.sin(a)], axis=-1)
+    gap = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1)
+    gap[:, np.arange(n), np.arange(n)] = np.inf
+    best = np.argmax(gap.min(axis=(1, 2))) if n > 1 else 0
+    return np.asarray(places[best])
+
+
+def _stop_and_go(rng: np.random.Generator, times: FloatArray, n: int) -> FloatArray:
+    wave = smooth_noise(rng, times, (n,), 1.2)
+    return 1 / (1 + np.exp(-6 * (wave + 0.8)))
+
+
+def _steer(
+    xy: FloatArray, heading: FloatArray, whim: FloatArray, speeds: FloatArray, radius: float
+) -> tuple[FloatArray, FloatArray]:
+    """Turn rate wanted (P,) rad/s and the factor (P,) by which to slow down."""
+    ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    away = xy[:, None] - xy[None]
+    gap = np.linalg.norm(away, axis=-1) + 1e-9
+    np.fill_diagonal(gap, np.inf)
+    push = 1.5 * np.exp((_PERSONAL_M - gap) / 0.25)
+    outside = np.linalg.norm(xy, axis=-1, keepdims=True) / radius
+    force = np.sum(push[..., None] * away / gap[..., None], axis=1)
+    force = force - 1.5 * xy / radius * np.clip(3 * (outside - 0.6), 0, 3)
+    wish = ahead + force
+    error = np.arctan2(
+        ahead[:, 0] * wish[:, 1] - ahead[:, 1] * wish[:, 0], np.sum(ahead * wish, axis=-1)
+    )
+    moving = speeds > 0
+    turn = np.where(moving, 3.0 * error + 0.7 * whim, 0.25 * whim)
+    blocked = np.min(
+        np.where(np.einsum("pqc,pc->pq", -away, ahead) > 0, gap, np.inf), axis=1, initial=np.inf
+    )
+    slack = np.clip((blocked - 0.55) / 0.4, 0.0, 1.0)
+    return np.clip(turn, -_MAX_TURN, _MAX_TURN), slack

@@ -1,0 +1,157 @@
+"""Simulated cameras: a random ring, or a rig that is given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.types import BoolArray, FloatArray, Intrinsics, LensModel
+
+_HIP_HEIGHT = 0.95
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rig:
+    """Cameras in a world.
+
+    Attributes
+    ----------
+    names : tuple of str
+    intrinsics : tuple of Intrinsics
+    R_cam_world : (C, 3, 3) ndarray
+    t_cam_world : (C, 3) ndarray
+        ``x_cam = R_cam_world @ x_world + t_cam_world``, metres.
+    """
+
+    names: tuple[str, ...]
+    intrinsics: tuple[Intrinsics, ...]
+    R_cam_world: FloatArray
+    t_cam_world: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(self.names)
+        if len(set(self.names)) != n:
+            raise InputError(f"rig: camera names given twice: {', '.join(self.names)}")
+        if len(self.intrinsics) != n:
+            raise InputError(f"rig: {n} names but {len(self.intrinsics)} intrinsics")
+        if self.R_cam_world.shape != (n, 3, 3) or self.t_cam_world.shape != (n, 3):
+            raise InputError(
+                f"rig: expected R of shape ({n}, 3, 3) and t of shape ({n}, 3), got "
+                f"{self.R_cam_world.shape} and {self.t_cam_world.shape}"
+            )
+
+    @property
+    def centres_world(self) -> FloatArray:
+        """Camera centres (C, 3)."""
+        centres: FloatArray = -np.einsum("cba,cb->ca", self.R_cam_world, self.t_cam_world)
+        return centres
+
+
+def ring_rig(
+    rng: np.random.Generator,
+    n_cameras: int,
+    *,
+    image_size: tuple[int, int],
+    focal_px: float,
+    radius_m: tuple[float, float],
+    height_m: tuple[float, float],
+) -> Rig:
+    """Cameras around the origin that look at its surroundings; z is up, the floor at 0."""
+    even = np.arange(n_cameras) / n_cameras
+    angle = 2 * np.pi * (even + rng.uniform() + rng.uniform(-0.25, 0.25, n_cameras) / n_cameras)
+    radius, height = rng.uniform(*radius_m, n_cameras), rng.uniform(*height_m, n_cameras)
+    centre = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=-1)
+    target = np.array([0.0, 0.0, _HIP_HEIGHT]) + 0.15 * rng.standard_normal((n_cameras, 3))
+    R = np.stack([_looking(a, b) for a, b in zip(centre, target, strict=True)])
+    width, tall = image_size
+    K = np.array([[focal_px, 0, width / 2], [0, focal_px, tall / 2], [0, 0, 1.0]])
+    lens = Intrinsics(width, tall, LensModel.PLUMB_BOB, K, np.zeros(5))
+    return Rig(
+        tuple(f"cam{c}" for c in range(n_cameras)),
+        (lens,) * n_cameras,
+        R,
+        -np.einsum("cab,cb->ca", R, centre),
+    )
+
+
+def staged(rig: Rig, *, scale: float = 1.0) -> Rig:
+    """Put a given rig in a world with z up, whose origin is on the floor in the middle of the views.
+
+    The middle is the point nearest to all optical axes, taken as hip height; up is the mean of
+    the cameras' upward axes.
+
+    Parameters
+    ----------
+    rig : Rig
+    scale : float
+        Enlarges the distances between the cameras.
+    """
+    centres = scale * rig.centres_world
+    axes = rig.R_cam_world[:, 2]
+    off_axis = np.eye(3) - axes[:, :, None] * axes[:, None]
+    middle = np.linalg.lstsq(off_axis.sum(0), np.einsum("cab,cb->a", off_axis, centres), rcond=None)
+    up = -rig.R_cam_world[:, 1].mean(axis=0)
+    up = up / np.linalg.norm(up)
+    side = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
+    side = side / np.linalg.norm(side)
+    R_stage_world = np.stack([side, np.cross(up, side), up])
+    R = rig.R_cam_world @ R_stage_world.T
+    local = (centres - middle[0]) @ R_stage_world.T + [0.0, 0.0, _HIP_HEIGHT]
+    return Rig(rig.names, rig.intrinsics, R, -np.einsum("cab,cb->ca", R, local))
+
+
+def project(lens: Intrinsics, points_cam: FloatArray) -> FloatArray:
+    """Project points (..., 3) of the optical frame to pixels (..., 2); NaN where invisible."""
+    flat = np.ascontiguousarray(points_cam.reshape(-1, 3))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        radius = np.hypot(flat[:, 0], flat[:, 1]) / flat[:, 2]
+    seen = (flat[:, 2] > 0.05) & (radius < _usable_radius(lens))
+    out = np.full((len(flat), 2), np.nan)
+    if seen.any():
+        out[seen] = _project_visible(lens, flat[seen])
+    out[~_inside(lens, out)] = np.nan
+    return out.reshape(*points_cam.shape[:-1], 2)
+
+
+def _inside(lens: Intrinsics, pixels: FloatArray) -> BoolArray:
+    limit = np.array([lens.width, lens.height]) - 0.5
+    return np.asarray(np.all((pixels >= -0.5) & (pixels < limit), axis=-1))
+
+
+def _project_visible(lens: Intrinsics, points_cam: FloatArray) -> FloatArray:
+    if not np.any(lens.D):
+        uv = points_cam[:, :2] / points_cam[:, 2:]
+        return np.asarray(uv @ lens.K[:2, :2].T + lens.K[:2, 2])
+    zero = np.zeros(3)
+    if lens.model is LensModel.EQUIDISTANT:
+        pixels, _ = cv2.fisheye.projectPoints(points_cam[:, None], zero, zero, lens.K, lens.D[:4])
+    else:
+        pixels, _ = cv2.projectPoints(points_cam, zero, zero, lens.K, lens.D)
+    return np.asarray(pixels, dtype=float).reshape(-1, 2)
+
+
+def _usable_radius(lens: Intrinsics) -> float:
+    """Distance from the axis at depth 1 up to which the distorted radius grows."""
+    if lens.model is LensModel.EQUIDISTANT or not np.any(lens.D):
+        return np.inf
+    r = np.linspace(0, 4, 801)
+    r2 = r**2
+    d = np.zeros(8)
+    d[: min(8, len(lens.D))] = lens.D[:8]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        growth = (1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) / (
+            1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7]))
+        )
+    falling = np.flatnonzero(np.diff(r * growth) <= 0)
+    return float(r[falling[0]]) if len(falling) else np.inf
+
+
+def _looking(centre: FloatArray, target: FloatArray) -> FloatArray:
+    """R_cam_world of a camera that looks from one point to another, level with the horizon."""
+    ahead = (target - centre) / np.linalg.norm(target - centre)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right = right / np.linalg.norm(right)
+    return np.stack([right, np.cross(ahead, right), ahead])

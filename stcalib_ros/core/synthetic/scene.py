@@ -1,0 +1,185 @@
+"""Simulated recordings with a known answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core.synthetic.clips import MotionClip
+from stcalib_ros.core.synthetic.noise import child_rng
+from stcalib_ros.core.synthetic.observe import Clock, Sightings, observe
+from stcalib_ros.core.synthetic.options import SceneOptions
+from stcalib_ros.core.synthetic.people import PersonMotion, make_people
+from stcalib_ros.core.synthetic.rigs import Rig, ring_rig, staged
+from stcalib_ros.core.types import (
+    Calibration,
+    CameraCalibration,
+    FloatArray,
+    IntArray,
+    PersonAssociation,
+    Recording,
+    Status,
+)
+
+_EPOCH_NS = 1_760_000_000 * 10**9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """A simulated recording and the truth about it.
+
+    Attributes
+    ----------
+    options : SceneOptions
+    recording : Recording
+    truth : Calibration
+        In the frame and clock of the first camera, metres.
+    rig : Rig
+        The cameras in the world (z up, floor at 0).
+    people : tuple of PersonMotion
+        Joints in the world at any time of the reference clock (seconds since the epoch).
+    exposures_s : tuple of (N,) ndarray
+        Per camera, the times of its images by the reference clock.
+    track_persons : mapping of str to mapping of int to (F,) ndarray
+        Per camera and track id, the true person in each frame of the track.
+    """
+
+    options: SceneOptions
+    recording: Recording
+    truth: Calibration
+    rig: Rig
+    people: tuple[PersonMotion, ...]
+    exposures_s: tuple[FloatArray, ...]
+    track_persons: Mapping[str, Mapping[int, IntArray]]
+
+    def joints_world(self, times: FloatArray) -> FloatArray:
+        """Return the true joints (P, T, 17, 3) in the world at times of the reference clock."""
+        return np.stack([person(times) for person in self.people])
+
+    def joints_ref(self, times: FloatArray) -> FloatArray:
+        """Return the true joints (P, T, 17, 3) in the frame of the reference camera."""
+        world = self.joints_world(times)
+        return np.asarray(world @ self.rig.R_cam_world[0].T + self.rig.t_cam_world[0])
+
+    @property
+    def offsets_s(self) -> FloatArray:
+        """True time offsets (C,), seconds."""
+        return np.array([camera.time_offset_s for camera in self.truth.cameras])
+
+
+def simulate(
+    options: SceneOptions | None = None,
+    *,
+    clips: Sequence[MotionClip] = (),
+    rng: np.random.Generator | None = None,
+) -> Scene:
+    """Simulate cameras that watch people.
+
+    Parameters
+    ----------
+    options : SceneOptions, optional
+    clips : sequence of MotionClip
+        Motion capture to compose the people's motion of; without any it is procedural.
+    rng : Generator, optional
+        Takes the place of ``options.seed``.
+    """
+    options = options or SceneOptions()
+    rng = np.random.default_rng(options.seed) if rng is None else rng
+    rig = _rig(child_rng(rng), options)
+    clocks = _clocks(child_rng(rng), options, len(rig.names))
+    exposures = [clock.exposures_s for clock in clocks]
+    span = (min(e[0] for e in exposures), max(e[-1] for e in exposures))
+    people = make_people(
+        child_rng(rng), options.people, options.n_people, span, options.area_radius_m, clips
+    )
+    seed = rng.integers(2**63, size=4)
+    seen = [
+        observe(np.random.default_rng([*seed, c]), seed, options, rig, c, clock, people)
+        for c, clock in enumerate(clocks)
+    ]
+    recording = Recording(tuple(s.camera for s in seen), _EPOCH_NS)
+    return Scene(
+        options,
+        recording,
+        _truth(rig, clocks, seen, recording.epoch_ns),
+        rig,
+        people,
+        tuple(exposures),
+        {s.camera.name: s.track_persons for s in seen},
+    )
+
+
+def _rig(rng: np.random.Generator, options: SceneOptions) -> Rig:
+    if options.rig is not None:
+        return staged(options.rig, scale=options.rig_scale)
+    return ring_rig(
+        rng,
+        options.n_cameras,
+        image_size=options.image_size,
+        focal_px=options.focal_px,
+        radius_m=options.ring_radius_m,
+        height_m=options.ring_height_m,
+    )
+
+
+def _clocks(rng: np.random.Generator, options: SceneOptions, n_cameras: int) -> list[Clock]:
+    return [
+        Clock.random(child_rng(rng), options, fps, is_reference=c == 0)
+        for c, fps in enumerate(options.rates(n_cameras))
+    ]
+
+
+def _truth(
+    rig: Rig, clocks: Sequence[Clock], seen: Sequence[Sightings], epoch_ns: int
+) -> Calibration:
+    R_ref_world, centres = rig.R_cam_world[0], rig.centres_world
+    t_ref_cam = centres @ R_ref_world.T + rig.t_cam_world[0]
+    cameras = tuple(
+        CameraCalibration(
+            name=name,
+            frame_id=f"{name}_optical_frame",
+            intrinsics=rig.intrinsics[c],
+            R_ref_cam=R_ref_world @ rig.R_cam_world[c].T,
+            t_ref_cam=t_ref_cam[c],
+            covariance=np.zeros((6, 6)),
+            time_offset_s=clocks[c].offset_s,
+            time_offset_stddev_s=0.0,
+            clock_skew=clocks[c].skew,
+            clock_skew_stddev=0.0,
+        )
+        for c, name in enumerate(rig.names)
+    )
+    epoch_s = epoch_ns * 1e-9
+    n_observations = sum(s.n_keypoints for s in seen)
+    squares = sum(s.noise_square_px2 for s in seen)
+    return Calibration(
+        status=Status.OK,
+        message="true values of a simulated scene",
+        reference=rig.names[0],
+        metric=True,
+        epoch_s=epoch_s,
+        window_s=(
+            epoch_s + min(clock.exposures_s[0] for clock in clocks),
+            epoch_s + max(clock.exposures_s[-1] for clock in clocks),
+        ),
+        cameras=cameras,
+        uncalibrated=(),
+        persons=_associations(seen),
+        pairs=(),
+        reprojection_rms_px=float(np.sqrt(squares / max(1, n_observations))),
+        n_observations=n_observations,
+        n_inliers=n_observations,
+    )
+
+
+def _associations(seen: Sequence[Sightings]) -> tuple[PersonAssociation, ...]:
+    """Tracks by person; a track with exchanged ids belongs to whom it shows most of the time."""
+    tracks: dict[int, dict[str, tuple[int, ...]]] = {}
+    for sightings in seen:
+        for track_id, persons in sightings.track_persons.items():
+            owner = tracks.setdefault(int(np.bincount(persons).argmax()), {})
+            name = sightings.camera.name
+            owner[name] = (*owner.get(name, ()), track_id)
+    return tuple(PersonAssociation(p, tracks[p], float("nan")) for p in sorted(tracks))
