@@ -12,7 +12,7 @@ from stcalib_ros.core.synthetic.skeleton import N_JOINTS, assemble, body_axes, b
 from stcalib_ros.core.types import FloatArray
 
 _BLEND_S = 0.5
-_MAX_SPEED = 2.2
+_MAX_SPEED = 1.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -40,7 +40,7 @@ class DetectorBias:
         pairs = direction[:, :, None] * direction[:, None, :]
         flat = pairs.reshape(-1, 9) @ self._square.reshape(-1, 9).T
         linear: FloatArray = np.einsum("jab,tb->tja", self._linear, direction)
-        return linear + flat.reshape(-1, N_JOINTS, 3)
+        return np.asarray(linear + flat.reshape(-1, N_JOINTS, 3))
 
 
 def displaced(joints_cam: FloatArray, bias: DetectorBias) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.synthetic.noise import smooth_noise
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.types import BoolArray, FloatArray
 
 _PERSONAL_M = 0.9
 _MAX_TURN = 2.5
@@ -66,12 +66,13 @@ def random_paths(
     desired = np.tile(speeds, (len(times), 1))
     if pauses:
         desired = desired * _stop_and_go(rng, times, len(speeds))
+    moving = speeds > 0
     turn, speed = np.zeros(len(speeds)), desired[0].copy()
     out = [np.empty((len(times), *shape)) for shape in ((len(speeds), 2), (len(speeds),))]
     travelled = np.zeros((len(times), len(speeds)))
     for k in range(len(times)):
         out[0][k], out[1][k] = xy, heading
-        wanted_turn, slack = _steer(xy, heading, whim[k], speeds, radius)
+        wanted_turn, slack = _steer(xy, heading, speed, whim[k], moving, radius)
         turn = turn + step / _TURN_DELAY_S * (wanted_turn - turn)
         speed = speed + step / _SPEED_DELAY_S * (desired[k] * slack - speed)
         heading = heading + step * turn
@@ -98,25 +99,50 @@ def _stop_and_go(rng: np.random.Generator, times: FloatArray, n: int) -> FloatAr
 
 
 def _steer(
-    xy: FloatArray, heading: FloatArray, whim: FloatArray, speeds: FloatArray, radius: float
+    xy: FloatArray,
+    heading: FloatArray,
+    speed: FloatArray,
+    whim: FloatArray,
+    moving: BoolArray,
+    radius: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Turn rate wanted (P,) rad/s and the factor (P,) by which to slow down."""
     ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    away = xy[:, None] - xy[None]
-    gap = np.linalg.norm(away, axis=-1) + 1e-9
-    np.fill_diagonal(gap, np.inf)
-    push = 1.5 * np.exp((_PERSONAL_M - gap) / 0.25)
+    away, closest_s, gap = _closest_approach(xy, speed[:, None] * ahead)
+    push = 2.0 * np.exp((_PERSONAL_M - gap) / 0.25 - closest_s)
+    force = np.sum(push[..., None] * away, axis=1)
     outside = np.linalg.norm(xy, axis=-1, keepdims=True) / radius
-    force = np.sum(push[..., None] * away / gap[..., None], axis=1)
-    force = force - 1.5 * xy / radius * np.clip(3 * (outside - 0.6), 0, 3)
+    force = force - 2.5 * xy / radius * np.clip(3 * (outside - 0.4), 0, 4)
     wish = ahead + force
     error = np.arctan2(
         ahead[:, 0] * wish[:, 1] - ahead[:, 1] * wish[:, 0], np.sum(ahead * wish, axis=-1)
     )
-    moving = speeds > 0
     turn = np.where(moving, 3.0 * error + 0.7 * whim, 0.25 * whim)
-    blocked = np.min(
-        np.where(np.einsum("pqc,pc->pq", -away, ahead) > 0, gap, np.inf), axis=1, initial=np.inf
-    )
-    slack = np.clip((blocked - 0.55) / 0.4, 0.0, 1.0)
+    in_front = np.einsum("pqc,pc->pq", xy[None] - xy[:, None], ahead) > 0
+    patience = np.where(in_front & (gap < 0.65), closest_s, np.inf).min(axis=1)
+    slack = np.clip((patience - 0.15) / 0.6, 0.0, 1.0)
     return np.clip(turn, -_MAX_TURN, _MAX_TURN), slack
+
+
+def _closest_approach(
+    xy: FloatArray, velocity: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """When and how P people will pass each other if nobody turns.
+
+    Returns
+    -------
+    away : (P, P, 2) ndarray
+        Unit vectors from the second to the first of a pair at that time.
+    closest_s : (P, P) ndarray
+        In how many seconds, at most two.
+    gap : (P, P) ndarray
+        Distance then, metres; inf on the diagonal.
+    """
+    apart, drift = xy[:, None] - xy[None], velocity[:, None] - velocity[None]
+    closest_s = -np.sum(apart * drift, axis=-1) / (np.sum(drift**2, axis=-1) + 1e-6)
+    closest_s = np.clip(closest_s, 0.0, 2.0)
+    then = apart + closest_s[..., None] * drift
+    gap = np.linalg.norm(then, axis=-1)
+    away = then / (gap + 1e-9)[..., None]
+    np.fill_diagonal(gap, np.inf)
+    return away, closest_s, gap

@@ -78,7 +78,7 @@ def ring_rig(
 
 
 def staged(rig: Rig, *, scale: float = 1.0) -> Rig:
-    """Put a given rig in a world with z up, whose origin is on the floor in the middle of the views.
+    """Put a given rig in a world with z up and its origin on the floor amid the views.
 
     The middle is the point nearest to all optical axes, taken as hip height; up is the mean of
     the cameras' upward axes.
