@@ -1,0 +1,1 @@
+"""Files in and out: bags, results, other people's formats. No ROS installation is needed."""

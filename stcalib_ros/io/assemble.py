@@ -1,0 +1,163 @@
+"""From the images of each camera to a `Recording`; serves bags and live topics alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.layouts import Layout
+from stcalib_ros.core.types import CameraRecording, FloatArray, IntArray, Recording, Track
+from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage, format_stamp, lens
+
+Warn = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraImages:
+    """What arrived of one camera.
+
+    Attributes
+    ----------
+    name : str
+    images : sequence of PoseImage
+        In any order; at least one.
+    info : CameraInfoFields
+    pose_topic, info_topic : str
+        For messages.
+    frame_id : str or None
+        Takes precedence over that of the messages.
+    """
+
+    name: str
+    images: Sequence[PoseImage]
+    info: CameraInfoFields
+    pose_topic: str
+    info_topic: str
+    frame_id: str | None = None
+
+
+def assemble_recording(cameras: Sequence[CameraImages], *, warn: Warn) -> Recording:
+    """Make a recording of what arrived, cameras in the given order.
+
+    Stamps are ordered; of images with one stamp, and of persons with one track id in an image, the
+    one with the higher score is kept. Both are counted and reported to `warn`.
+
+    Raises
+    ------
+    InputError
+        A camera changes its layout, its frame, ``rectified`` or ``metric`` on the way, its lens is
+        unusable, or nothing at all was observed.
+    """
+    epoch_ns = min(image.stamp_ns for camera in cameras for image in camera.images) // NS * NS
+    recording = Recording(tuple(_camera(c, epoch_ns, warn) for c in cameras), epoch_ns)
+    _require_observations(recording, warn)
+    _warn_shared_frames(recording, warn)
+    return recording
+
+
+def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
+    _require_constant(camera)
+    images = _ordered(camera, warn)
+    first = images[0]
+    if n_infinite := sum(image.n_infinite for image in images):
+        warn(f"{camera.pose_topic}: {n_infinite} infinite values taken as not observed")
+    stamps_ns = np.array([image.stamp_ns - epoch_ns for image in images], dtype=np.int64)
+    return CameraRecording(
+        name=camera.name,
+        frame_id=camera.frame_id or first.frame_id or f"{camera.name}_optical_frame",
+        intrinsics=lens(camera.info, rectified=first.rectified, topic=camera.info_topic),
+        layout=first.layout,
+        stamps=stamps_ns / NS,
+        tracks=_tracks(camera.pose_topic, images, warn),
+        metric=first.metric,
+    )
+
+
+def _require_constant(camera: CameraImages) -> None:
+    first = camera.images[0]
+    for image in camera.images:
+        for field in ("layout", "rectified", "metric", "frame_id"):
+            before, after = getattr(first, field), getattr(image, field)
+            if before is not after and before != after:
+                raise InputError(
+                    f"{camera.pose_topic}: {field} changes from {_text(before)} (stamp "
+                    f"{format_stamp(first.stamp_ns)}) to {_text(after)} (stamp "
+                    f"{format_stamp(image.stamp_ns)}); do two cameras publish on this topic?"
+                )
+
+
+def _text(value: Layout | bool | str) -> str:
+    if isinstance(value, Layout):
+        return f"{value.name!r} with joints {', '.join(value.joint_names)}"
+    return repr(value)
+
+
+def _ordered(camera: CameraImages, warn: Warn) -> list[PoseImage]:
+    """Images by stamp; of several with one stamp that with the highest scores."""
+    best: dict[int, PoseImage] = {}
+    for image in camera.images:
+        other = best.get(image.stamp_ns)
+        if other is None or image.scores.sum() > other.scores.sum():
+            best[image.stamp_ns] = image
+    if dropped := len(camera.images) - len(best):
+        warn(
+            f"{camera.pose_topic}: {dropped} images have a stamp that another image has; "
+            "those with the higher score are kept"
+        )
+    return [best[stamp] for stamp in sorted(best)]
+
+
+def _tracks(topic: str, images: Sequence[PoseImage], warn: Warn) -> tuple[Track, ...]:
+    counts = [len(image.track_ids) for image in images]
+    if not any(counts):
+        return ()
+    frames = np.repeat(np.arange(len(images), dtype=np.int64), counts)
+    ids: IntArray = np.concatenate([image.track_ids for image in images])
+    scores: FloatArray = np.concatenate([image.scores for image in images])
+    order = np.lexsort((-scores, frames, ids))
+    same = (np.diff(ids[order]) == 0) & (np.diff(frames[order]) == 0)
+    if same.any():
+        warn(
+            f"{topic}: {int(same.sum())} persons have a track id that another person of the same "
+            "image has; those with the higher score are kept"
+        )
+    order = order[np.concatenate([[True], ~same])]
+    keypoints = np.concatenate([image.keypoints for image in images])
+    joints = np.concatenate([image.joints for image in images])
+    joint_scores = np.concatenate([image.joint_scores for image in images])
+    starts = np.flatnonzero(np.diff(ids[order])) + 1
+    return tuple(
+        Track(int(ids[rows[0]]), frames[rows], keypoints[rows], joints[rows], joint_scores[rows])
+        for rows in np.split(order, starts)
+    )
+
+
+def _require_observations(recording: Recording, warn: Warn) -> None:
+    """Say so if everything that one camera, or every camera, reports is NaN or infinite."""
+    blind = []
+    for camera in recording.cameras:
+        for what in ("keypoints", "joints"):
+            arrays = [getattr(track, what) for track in camera.tracks]
+            if arrays and not any(np.isfinite(a).any() for a in arrays):
+                blind.append((camera.name, what))
+    for name, what in blind:
+        warn(f"camera {name}: all {what} of all persons are NaN or infinite")
+    seeing = {c.name for c in recording.cameras if c.tracks} - {name for name, _ in blind}
+    if blind and not seeing:
+        raise InputError(
+            f"all {blind[0][1]} of all persons are NaN or infinite in every camera "
+            f"({', '.join(sorted({name for name, _ in blind}))}); check the pose estimator's output"
+        )
+
+
+def _warn_shared_frames(recording: Recording, warn: Warn) -> None:
+    owner: dict[str, str] = {}
+    for camera in recording.cameras:
+        if (other := owner.setdefault(camera.frame_id, camera.name)) != camera.name:
+            warn(
+                f"cameras {other} and {camera.name} have one frame_id, {camera.frame_id!r}; "
+                f"set camera.{camera.name}.frame"
+            )

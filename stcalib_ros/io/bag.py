@@ -1,0 +1,205 @@
+"""Read a bag: an MCAP file or a rosbag2 folder, with or without ROS."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Schema
+from mcap_ros2.decoder import DecoderFactory
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.types import Recording
+from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
+from stcalib_ros.io.mcap_source import (
+    RawMessage,
+    TopicSchema,
+    bag_files,
+    raw_messages,
+    topic_schemas,
+)
+from stcalib_ros.io.messages import (
+    CameraInfoFields,
+    PoseImage,
+    camera_info_fields,
+    format_stamp,
+    pose_image,
+)
+from stcalib_ros.io.schemas import CAMERA_INFO, POSES, require_same_schema
+from stcalib_ros.io.topics import CameraSelection, SelectedCamera, select_cameras
+
+Progress = Callable[[str, float], None]
+Decoder = Callable[[str, bytes], Any]
+
+STAGE = "reading the bag"
+_PROGRESS_EVERY = 200  # messages
+
+
+def read_bag(
+    path: Path | str,
+    *,
+    selection: CameraSelection | None = None,
+    progress: Progress | None = None,
+    decoder: Decoder | None = None,
+    warn: Warn | None = None,
+) -> Recording:
+    """Read the persons that every camera of a bag saw.
+
+    Parameters
+    ----------
+    path : Path or str
+        ``.mcap`` file or rosbag2 folder.
+    selection : CameraSelection, optional
+        Which cameras, in which order, and their topics. Default: every topic of type
+        ``stcalib_ros/msg/PersonPose3DArray`` with the ``camera_info`` beside it.
+    progress : callable, optional
+        Called with a stage and the fraction of it that is done.
+    decoder : callable, optional
+        Given a type name (``stcalib_ros/msg/PersonPose3DArray``) and the CDR bytes, returns the
+        message. Default: decoding without ROS.
+    warn : callable, optional
+        Told, in one line each, what was odd but not in the way. Default: the module's logger.
+
+    Returns
+    -------
+    Recording
+        Images ordered by header stamp, whatever their order in the bag.
+
+    Raises
+    ------
+    InputError
+        The bag is missing, damaged or holds nothing of use; the message says what and what to do.
+    """
+    warn = warn or logging.getLogger(__name__).warning
+    files = bag_files(Path(path))
+    schemas = topic_schemas(files)
+    cameras = select_cameras(_types_by_topic(path, schemas), selection or CameraSelection())
+    _require_readable(schemas, cameras)
+    contents = _Contents(cameras, decoder or _PlainDecoder(schemas))
+    topics = frozenset(topic for c in cameras for topic in (c.pose_topic, c.info_topic))
+    contents.collect(raw_messages(files, topics), progress or _no_progress)
+    return assemble_recording(contents.cameras(path, warn), warn=warn)
+
+
+class _PlainDecoder:
+    """Decodes without ROS, by the definitions in the bag."""
+
+    def __init__(self, schemas: Iterable[TopicSchema]) -> None:
+        factory = DecoderFactory()
+        self._decoders: dict[str, Callable[[bytes], Any] | None] = {}
+        for number, s in enumerate(schemas, start=1):
+            if s.type_name in (POSES, CAMERA_INFO):
+                schema = Schema(number, s.schema, s.schema_encoding, s.type_name)
+                self._decoders[s.type_name] = factory.decoder_for(s.encoding, schema)
+
+    def __call__(self, type_name: str, data: bytes) -> Any:
+        decode = self._decoders[type_name]
+        if decode is None:
+            raise InputError(f"no way to decode {type_name}")
+        return decode(data)
+
+
+class _Contents:
+    """Messages of the chosen topics, converted."""
+
+    def __init__(self, cameras: Sequence[SelectedCamera], decoder: Decoder) -> None:
+        self._cameras = cameras
+        self._decoder = decoder
+        self._images: dict[str, list[PoseImage]] = {c.pose_topic: [] for c in cameras}
+        self._infos: dict[str, tuple[CameraInfoFields, int]] = {}
+
+    def collect(self, messages: Iterable[RawMessage], progress: Progress) -> None:
+        """Take in messages."""
+        progress(STAGE, 0.0)
+        for count, raw in enumerate(messages, start=1):
+            if count % _PROGRESS_EVERY == 0:
+                progress(STAGE, raw.fraction)
+            message = self._decoded(raw)
+            if raw.topic in self._images:
+                self._images[raw.topic].append(pose_image(message, topic=raw.topic))
+            else:
+                self._take_info(raw, camera_info_fields(message))
+        progress(STAGE, 1.0)
+
+    def cameras(self, path: Path | str, warn: Warn) -> list[CameraImages]:
+        """Cameras that have images."""
+        if not any(self._images.values()):
+            raise InputError(
+                f"{path} holds no person poses: no message on {', '.join(self._images)}"
+            )
+        out = []
+        for camera in self._cameras:
+            images = self._images[camera.pose_topic]
+            if not images:
+                warn(f"camera {camera.name} is left out: no message on {camera.pose_topic}")
+                continue
+            if camera.info_topic not in self._infos:
+                raise InputError(f"camera {camera.name}: no message on {camera.info_topic}")
+            info, _ = self._infos[camera.info_topic]
+            out.append(
+                CameraImages(
+                    name=camera.name,
+                    images=images,
+                    info=info,
+                    pose_topic=camera.pose_topic,
+                    info_topic=camera.info_topic,
+                    frame_id=camera.frame,
+                )
+            )
+        return out
+
+    def _decoded(self, raw: RawMessage) -> Any:
+        try:
+            return self._decoder(raw.type_name, raw.data)
+        except Exception as error:  # whatever a decoder says about damaged bytes
+            raise InputError(
+                f"{raw.topic}: the message logged at {format_stamp(raw.log_time)} cannot be "
+                f"decoded as {raw.type_name} ({type(error).__name__}: {error})"
+            ) from error
+
+    def _take_info(self, raw: RawMessage, info: CameraInfoFields) -> None:
+        known, since = self._infos.setdefault(raw.topic, (info, raw.log_time))
+        if known == info:
+            return
+        field = next(f for f in info._fields if getattr(known, f) != getattr(info, f))
+        raise InputError(
+            f"{raw.topic}: CameraInfo changes in the middle: {field} is {getattr(known, field)} at "
+            f"{format_stamp(since)} and {getattr(info, field)} at {format_stamp(raw.log_time)}; "
+            "use a part of the bag with one lens"
+        )
+
+
+def _types_by_topic(path: Path | str, schemas: Sequence[TopicSchema]) -> dict[str, str]:
+    if not schemas:
+        raise InputError(f"{path} is an empty bag: it has no topics")
+    types: dict[str, str] = {}
+    for s in schemas:
+        other = types.setdefault(s.topic, s.type_name)
+        if other != s.type_name and POSES in (other, s.type_name):
+            raise InputError(f"{s.topic} has two types in the bag: {other} and {s.type_name}")
+    return types
+
+
+def _require_readable(schemas: Iterable[TopicSchema], cameras: Iterable[SelectedCamera]) -> None:
+    """Demand encodings that we read, and our own definitions, on the topics of the cameras."""
+    wanted = {topic for c in cameras for topic in (c.pose_topic, c.info_topic)}
+    for s in schemas:
+        if s.topic not in wanted:
+            continue
+        if (s.encoding, s.schema_encoding) != ("cdr", "ros2msg"):
+            raise InputError(
+                f"{s.topic}: messages encoded as {s.encoding!r} with a definition as "
+                f"{s.schema_encoding!r}; expected 'cdr' and 'ros2msg', as ROS 2 records them"
+            )
+        try:
+            text = s.schema.decode()
+        except UnicodeDecodeError as error:
+            raise InputError(f"{s.topic}: the definition of {s.type_name} is no text") from error
+        if s.type_name == POSES:
+            require_same_schema(s.topic, s.type_name, text)
+
+
+def _no_progress(_stage: str, _fraction: float) -> None:
+    """Tell nobody."""

@@ -1,0 +1,260 @@
+"""Other people's files to recordings: multi-view ``.npz`` files with detected poses."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.layouts import LAYOUTS, Layout, find_layout
+from stcalib_ros.core.types import (
+    Calibration,
+    CameraCalibration,
+    CameraRecording,
+    FloatArray,
+    IntArray,
+    Intrinsics,
+    LensModel,
+    PersonAssociation,
+    Recording,
+    Status,
+    Track,
+)
+from stcalib_ros.io.messages import NS
+
+_NEEDED = (
+    *("camera_names", "image_size", "K", "dist", "R", "t", "fps", "frame_number"),
+    *("det_frame", "det_camera", "det_track", "det_person", "det_kp2d", "kp_names"),
+)
+
+Arrays = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class ConvertOptions:
+    """How a source becomes a recording.
+
+    Attributes
+    ----------
+    clock_shifts_s : mapping of str to float
+        Added to the stamps of a camera. If the reference camera's clock is not shifted, the
+        camera's true ``time_offset_s`` is the negative of it: ``t_ref = t_cam + time_offset_s``.
+    fps : float or None
+        Frame rate; None: that of the source.
+    layout : str or None
+        Name of the joint layout; None: the one that has the joint names of the source.
+    start_s : int
+        Stamp of the first frame by an unshifted clock, Unix seconds.
+    """
+
+    clock_shifts_s: Mapping[str, float] = field(default_factory=dict)
+    fps: float | None = None
+    layout: str | None = None
+    start_s: int = 1_760_000_000
+
+
+class Converted(NamedTuple):
+    """A recording and what is known to be true of it."""
+
+    recording: Recording
+    truth: Calibration
+
+
+def convert_npz(path: Path | str, options: ConvertOptions | None = None) -> Converted:
+    """Make recording and truth of a multi-view ``.npz`` file.
+
+    Needed are the arrays ``camera_names, image_size, K, dist, R, t`` (``x_cam = R x_world + t``),
+    ``fps``, ``frame_number``, and for each detection ``det_frame, det_camera, det_track,
+    det_person`` (-1: unknown), ``det_kp2d`` (x, y, score; 0, 0, 0: not detected) and ``det_kp3d``
+    (monocular pose in metres, camera axes) with their joint names ``kp_names``, ``kp3d_names``.
+
+    Every camera has an image at every frame; no frame is cut. The reference is the first camera.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, lacks an array or has no 3D poses, or an option does not fit it.
+    """
+    options = options or ConvertOptions()
+    path = Path(path)
+    arrays = _load(path)
+    names = [str(n) for n in arrays["camera_names"]]
+    _require_cameras(path, names, options)
+    layout = _layout(path, arrays, options.layout)
+    fps = _frame_rate(path, arrays, options.fps)
+    shifts = [options.clock_shifts_s.get(name, 0.0) for name in names]
+    lenses = [_lens(arrays, c) for c in range(len(names))]
+    frames = arrays["frame_number"] - arrays["frame_number"][0]
+    true_ns = np.round(frames * (NS / fps)).astype(np.int64)
+    first_ns = options.start_s * NS + min(round(s * NS) for s in shifts)
+    epoch_ns = first_ns // NS * NS
+    start_ns = options.start_s * NS - epoch_ns
+    cameras = tuple(
+        CameraRecording(
+            name=name,
+            frame_id=f"{name}_optical_frame",
+            intrinsics=lenses[c],
+            layout=layout,
+            stamps=(start_ns + true_ns + round(shifts[c] * NS)) / NS,
+            tracks=_tracks(arrays, c),
+            metric=True,
+        )
+        for c, name in enumerate(names)
+    )
+    recording = Recording(cameras, epoch_ns)
+    return Converted(recording, _truth(path, arrays, recording, shifts))
+
+
+def _load(path: Path) -> dict[str, NDArray[Any]]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise InputError(f"{path} holds a single array, not named arrays (.npz)")
+            arrays = {name: archive[name] for name in archive.files}
+    except FileNotFoundError:
+        raise InputError(f"no such file: {path}") from None
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    except (ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path} is no readable .npz file: {error}") from error
+    if missing := [name for name in _NEEDED if name not in arrays]:
+        raise InputError(f"{path} is no multi-view file: it lacks {', '.join(missing)}")
+    if "det_kp3d" not in arrays:
+        raise InputError(
+            f"{path} has no 3D poses (det_kp3d): the calibration needs the monocular 3D pose of "
+            "every detection; run a lifter on its 2D poses first"
+        )
+    return arrays
+
+
+def _require_cameras(path: Path, names: list[str], options: ConvertOptions) -> None:
+    if twice := sorted(n for n, count in Counter(names).items() if count > 1):
+        raise InputError(f"{path}: two cameras with one name: {', '.join(twice)}")
+    if unknown := sorted(set(options.clock_shifts_s) - set(names)):
+        raise InputError(
+            f"offset of {', '.join(unknown)}: no such camera; {path} has {', '.join(names)}"
+        )
+    for name, shift in options.clock_shifts_s.items():
+        if not math.isfinite(shift):
+            raise InputError(f"offset of {name} must be a number of seconds, got {shift}")
+
+
+def _layout(path: Path, arrays: Arrays, wanted: str | None) -> Layout:
+    names = tuple(str(n) for n in arrays["kp_names"])
+    names_3d = tuple(str(n) for n in arrays.get("kp3d_names", arrays["kp_names"]))
+    if names != names_3d:
+        raise InputError(f"{path}: 2D and 3D poses have different joints (kp_names, kp3d_names)")
+    if wanted is not None:
+        layout = find_layout(wanted)
+        if layout.n_joints != len(names):
+            raise InputError(
+                f"layout {wanted!r} has {layout.n_joints} joints, the poses of {path} {len(names)}"
+            )
+        return layout
+    named = [known for known in LAYOUTS.values() if known.joint_names == names]
+    return named[0] if named else find_layout("", names)
+
+
+def _frame_rate(path: Path, arrays: Arrays, wanted: float | None) -> float:
+    fps = float(arrays["fps"]) if wanted is None else wanted
+    if not (math.isfinite(fps) and fps > 0):
+        raise InputError(f"{path}: frame rate is {fps}; give it with --fps")
+    return fps
+
+
+def _lens(arrays: Arrays, camera: int) -> Intrinsics:
+    width, height = (int(n) for n in arrays["image_size"][camera])
+    D = np.asarray(arrays["dist"][camera], dtype=np.float64)
+    model = LensModel.PLUMB_BOB if D.size <= 5 else LensModel.RATIONAL_POLYNOMIAL
+    return Intrinsics(width, height, model, np.asarray(arrays["K"][camera], dtype=np.float64), D)
+
+
+def _tracks(arrays: Arrays, camera: int) -> tuple[Track, ...]:
+    rows = np.flatnonzero(arrays["det_camera"] == camera)
+    ids: IntArray = arrays["det_track"][rows].astype(np.int64)
+    return tuple(_track(arrays, int(i), rows[ids == i]) for i in np.unique(ids))
+
+
+def _track(arrays: Arrays, track_id: int, rows: IntArray) -> Track:
+    frames, first = np.unique(arrays["det_frame"][rows].astype(np.int64), return_index=True)
+    points = arrays["det_kp2d"][rows[first]].astype(np.float64)
+    joints = arrays["det_kp3d"][rows[first]].astype(np.float64)
+    seen = np.isfinite(points).all(axis=-1, keepdims=True) & points.any(axis=-1, keepdims=True)
+    lifted = np.isfinite(joints).all(axis=-1, keepdims=True)
+    return Track(
+        track_id=track_id,
+        frames=frames,
+        keypoints=np.where(seen, points[..., :2], np.nan),
+        joints=np.where(lifted, joints, np.nan),
+        scores=np.where(seen, points[..., 2:], 0.0)[..., 0],
+    )
+
+
+def _truth(path: Path, arrays: Arrays, recording: Recording, shifts: list[float]) -> Calibration:
+    stamps = recording.cameras[0].stamps + recording.epoch_ns / NS
+    return Calibration(
+        status=Status.OK,
+        message=f"Reference values of {path.name}; no estimate.",
+        reference=recording.cameras[0].name,
+        metric=True,
+        epoch_s=float(stamps[0]),
+        window_s=(float(stamps[0]), float(stamps[-1])),
+        cameras=tuple(
+            _true_camera(arrays, c, camera, shifts[0] - shifts[c])
+            for c, camera in enumerate(recording.cameras)
+        ),
+        uncalibrated=(),
+        persons=_true_persons(arrays, recording),
+        pairs=(),
+        reprojection_rms_px=math.nan,
+        n_observations=0,
+        n_inliers=0,
+    )
+
+
+def _true_camera(
+    arrays: Arrays, c: int, camera: CameraRecording, offset_s: float
+) -> CameraCalibration:
+    R_cam_world: FloatArray = np.asarray(arrays["R"], dtype=np.float64)
+    t_cam_world: FloatArray = np.asarray(arrays["t"], dtype=np.float64)
+    R_ref_cam = R_cam_world[0] @ R_cam_world[c].T if c else np.eye(3)
+    return CameraCalibration(
+        name=camera.name,
+        frame_id=camera.frame_id,
+        intrinsics=camera.intrinsics,
+        R_ref_cam=R_ref_cam,
+        t_ref_cam=t_cam_world[0] - R_ref_cam @ t_cam_world[c],
+        covariance=np.zeros((6, 6)),
+        time_offset_s=round(offset_s, 9),
+        time_offset_stddev_s=0.0,
+    )
+
+
+def _true_persons(arrays: Arrays, recording: Recording) -> tuple[PersonAssociation, ...]:
+    """Persons by their number in the source; a track is whose it is most of the time."""
+    votes: dict[tuple[int, int], Counter[int]] = {}
+    columns = (arrays[name].tolist() for name in ("det_camera", "det_track", "det_person"))
+    for camera, track, person in zip(*columns, strict=True):
+        votes.setdefault((camera, track), Counter())[person] += 1
+    tracks: dict[int, dict[str, list[int]]] = {}
+    for (camera, track), counts in sorted(votes.items()):
+        person = counts.most_common(1)[0][0]
+        if person >= 0:
+            of_person = tracks.setdefault(person, {})
+            of_person.setdefault(recording.cameras[camera].name, []).append(track)
+    return tuple(
+        PersonAssociation(
+            person_id=person,
+            tracks={name: tuple(ids) for name, ids in tracks[person].items()},
+            reprojection_rms_px=math.nan,
+        )
+        for person in sorted(tracks)
+    )

@@ -1,0 +1,194 @@
+"""From messages to numbers: one conversion for bags and for live topics.
+
+The messages are duck-typed: what ``mcap-ros2-support`` decodes and what rclpy decodes give the
+same numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.intrinsics import intrinsics_from_camera_info
+from stcalib_ros.core.layouts import Layout, find_layout
+from stcalib_ros.core.types import FloatArray, IntArray, Intrinsics
+
+NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseImage:
+    """All persons in one image of one camera: P persons, J joints.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        By the camera's own clock, nanoseconds since the Unix epoch.
+    frame_id : str
+    layout : Layout
+    rectified : bool
+        The key points are those of the rectified image.
+    metric : bool
+        The 3D poses are in metres.
+    track_ids : (P,) ndarray of int
+    scores : (P,) ndarray
+        Of the persons, 0 where they were not finite.
+    keypoints : (P, J, 2) ndarray
+        NaN where not observed.
+    joints : (P, J, 3) ndarray
+        NaN where not observed.
+    joint_scores : (P, J) ndarray
+        0 where they were not finite.
+    n_infinite : int
+        Infinite values that were taken as not observed.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    layout: Layout
+    rectified: bool
+    metric: bool
+    track_ids: IntArray
+    scores: FloatArray
+    keypoints: FloatArray
+    joints: FloatArray
+    joint_scores: FloatArray
+    n_infinite: int = 0
+
+
+class CameraInfoFields(NamedTuple):
+    """What of a ``sensor_msgs/CameraInfo`` determines the lens; comparable."""
+
+    width: int
+    height: int
+    distortion_model: str
+    d: tuple[float, ...]
+    k: tuple[float, ...]
+    r: tuple[float, ...]
+    p: tuple[float, ...]
+    binning_x: int
+    binning_y: int
+    roi: tuple[int, int, int, int]
+
+
+def format_stamp(stamp_ns: int) -> str:
+    """Stamp as ROS tools print it: seconds, dot, nine digits."""
+    return f"{stamp_ns // NS}.{stamp_ns % NS:09d}"
+
+
+def stamp_ns(message: Any) -> int:
+    """Header stamp of a message in nanoseconds."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * NS + int(stamp.nanosec)
+
+
+def pose_image(message: Any, *, topic: str) -> PoseImage:
+    """Convert a ``PersonPose3DArray``.
+
+    Parameters
+    ----------
+    message : object
+        With the fields of ``stcalib_ros/msg/PersonPose3DArray``.
+    topic : str
+        For error messages.
+
+    Raises
+    ------
+    InputError
+        The layout is unknown, an array has the wrong length, or the stamp is zero.
+    """
+    stamp = stamp_ns(message)
+    if stamp == 0:
+        raise InputError(
+            f"{topic}: header stamp is zero; the publisher must stamp its messages with the "
+            "acquisition time of the image"
+        )
+    layout = _layout(topic, str(message.layout), tuple(message.joint_names))
+    persons = message.persons
+    where = f"{topic}, stamp {format_stamp(stamp)}"
+    keypoints = _rows(persons, "keypoints", layout, 2, where)
+    joints = _rows(persons, "joints", layout, 3, where)
+    scores = _rows(persons, "joint_scores", layout, 1, where)[..., 0]
+    return PoseImage(
+        stamp_ns=stamp,
+        frame_id=str(message.header.frame_id),
+        layout=layout,
+        rectified=bool(message.rectified),
+        metric=bool(message.metric),
+        track_ids=np.array([p.track_id for p in persons], dtype=np.int64),
+        scores=np.nan_to_num(
+            np.array([p.score for p in persons], dtype=np.float64), nan=0.0, posinf=0.0, neginf=0.0
+        ),
+        keypoints=_observed(keypoints),
+        joints=_observed(joints),
+        joint_scores=np.where(np.isfinite(scores), scores, 0.0),
+        n_infinite=int(np.isinf(keypoints).sum() + np.isinf(joints).sum()),
+    )
+
+
+def camera_info_fields(message: Any) -> CameraInfoFields:
+    """Lens of a ``sensor_msgs/CameraInfo``."""
+    roi = message.roi
+    return CameraInfoFields(
+        width=int(message.width),
+        height=int(message.height),
+        distortion_model=str(message.distortion_model),
+        d=tuple(map(float, message.d)),
+        k=tuple(map(float, message.k)),
+        r=tuple(map(float, message.r)),
+        p=tuple(map(float, message.p)),
+        binning_x=int(message.binning_x),
+        binning_y=int(message.binning_y),
+        roi=(int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
+    )
+
+
+def lens(info: CameraInfoFields, *, rectified: bool, topic: str) -> Intrinsics:
+    """Intrinsics of the pixels that the key points are given in.
+
+    Raises
+    ------
+    InputError
+        The CameraInfo is not that of a calibrated camera; the message names the topic.
+    """
+    try:
+        return intrinsics_from_camera_info(**info._asdict(), rectified=rectified)
+    except InputError as error:
+        raise InputError(f"{topic}: {error}") from None
+
+
+@lru_cache(maxsize=256)
+def _layout(topic: str, name: str, joint_names: tuple[str, ...]) -> Layout:
+    try:
+        return find_layout(name, joint_names)
+    except InputError as error:
+        raise InputError(f"{topic}: {error}") from None
+
+
+def _rows(persons: Sequence[Any], field: str, layout: Layout, width: int, where: str) -> FloatArray:
+    """One flat field of all persons as (P, J, width); empty means nothing given."""
+    n = layout.n_joints * width
+    out = np.empty((len(persons), n))
+    for row, person in zip(out, persons, strict=True):
+        values = np.asarray(getattr(person, field), dtype=np.float64)
+        if values.size == 0:
+            row[:] = 1.0 if field == "joint_scores" else np.nan
+        elif values.size == n:
+            row[:] = values
+        else:
+            raise InputError(
+                f"{where}, track {person.track_id}: {field} has {values.size} numbers, but layout "
+                f"{layout.name!r} with {layout.n_joints} joints takes {n}"
+            )
+    return out.reshape(len(persons), layout.n_joints, width)
+
+
+def _observed(points: FloatArray) -> FloatArray:
+    """Points with a NaN or infinite coordinate become NaN."""
+    finite = np.isfinite(points).all(axis=-1, keepdims=True)
+    return np.where(finite, points, np.nan)

@@ -1,0 +1,313 @@
+"""The result file, ``format: stcalib/1``; truth files have the same form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry import matrix_from_quaternion, quaternion_from_matrix
+from stcalib_ros.core.types import (
+    Calibration,
+    CameraCalibration,
+    FloatArray,
+    Intrinsics,
+    LensModel,
+    PairResidual,
+    PersonAssociation,
+    Status,
+    UncalibratedCamera,
+)
+from stcalib_ros.io.files import write_text
+from stcalib_ros.io.yaml_files import read_yaml
+
+FORMAT = "stcalib/1"
+
+_HEAD = """\
+# rotation (quaternion x, y, z, w) and translation are T_ref_cam, the pose of the camera's optical
+# frame (x right, y down, z forward) in that of the reference camera: x_ref = R x_cam + translation.
+# Lengths: {unit}.
+# Clocks: t_ref = t_cam + time_offset_s + clock_skew * (t_cam - epoch_s), seconds.
+"""
+_UNITS = {True: "metres", False: "the distance between the first two cameras is 1"}
+
+
+def write_result(calibration: Calibration, path: Path | str) -> None:
+    """Write a calibration, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    write_text(Path(path), result_text(calibration))
+
+
+def result_text(calibration: Calibration) -> str:
+    """Text of the result file of a calibration."""
+    body = yaml.safe_dump(
+        _plain(calibration), sort_keys=False, default_flow_style=None, width=110, allow_unicode=True
+    )
+    return _HEAD.format(unit=_UNITS[calibration.metric]) + body
+
+
+def read_result(path: Path | str) -> Calibration:
+    """Read a result or truth file.
+
+    Of a camera, ``rotation``, ``translation``, ``time_offset_s`` and ``intrinsics`` must be there;
+    what else is missing is NaN, empty or none.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or an entry is missing or unusable; the message names it.
+    """
+    top = _Entry(read_yaml(Path(path)), str(path), ": ")
+    version = top.get("format").value
+    if version != FORMAT:
+        raise InputError(f"{path}: format is {version!r}; this version reads {FORMAT}")
+    return Calibration(
+        status=top.get("status").status(),
+        message=top.get("message", "").text(),
+        reference=top.get("reference").text(),
+        metric=top.get("metric").boolean(),
+        epoch_s=top.get("epoch_s").number(),
+        window_s=_window(top.get("window_s", [np.nan, np.nan])),
+        cameras=tuple(_camera(n, e) for n, e in top.get("cameras").items()),
+        uncalibrated=tuple(
+            UncalibratedCamera(n, e.text()) for n, e in top.get("uncalibrated", {}).items()
+        ),
+        persons=tuple(_person(e) for e in top.get("persons", []).elements()),
+        pairs=tuple(_pair(e) for e in top.get("pairs", []).elements()),
+        reprojection_rms_px=top.get("reprojection_rms_px", np.nan).number(),
+        n_observations=top.get("n_observations", 0).integer(),
+        n_inliers=top.get("n_inliers", 0).integer(),
+        joint_covariance=_square(top.get("joint_covariance", [])),
+        parameter_order=tuple(e.text() for e in top.get("parameter_order", []).elements()),
+    )
+
+
+def _plain(calibration: Calibration) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "status": calibration.status.name,
+        "message": calibration.message,
+        "reference": calibration.reference,
+        "metric": bool(calibration.metric),
+        "epoch_s": float(calibration.epoch_s),
+        "window_s": [float(t) for t in calibration.window_s],
+        "reprojection_rms_px": float(calibration.reprojection_rms_px),
+        "n_observations": int(calibration.n_observations),
+        "n_inliers": int(calibration.n_inliers),
+        "cameras": {c.name: _plain_camera(c) for c in calibration.cameras},
+        "uncalibrated": {c.name: c.reason for c in calibration.uncalibrated},
+        "persons": [_plain_person(p) for p in calibration.persons],
+        "pairs": [
+            {
+                "cameras": [p.camera_a, p.camera_b],
+                "n_matches": int(p.n_matches),
+                "median_angle_rad": float(p.median_angle_rad),
+                "epipolar_rms_px": float(p.epipolar_rms_px),
+            }
+            for p in calibration.pairs
+        ],
+        "parameter_order": list(calibration.parameter_order),
+        "joint_covariance": calibration.joint_covariance.tolist(),
+    }
+
+
+def _plain_camera(camera: CameraCalibration) -> dict[str, Any]:
+    return {
+        "frame_id": camera.frame_id,
+        "rotation": quaternion_from_matrix(camera.R_ref_cam).tolist(),
+        "translation": camera.t_ref_cam.tolist(),
+        "covariance": camera.covariance.ravel().tolist(),
+        "time_offset_s": float(camera.time_offset_s),
+        "time_offset_stddev_s": float(camera.time_offset_stddev_s),
+        "clock_skew": float(camera.clock_skew),
+        "clock_skew_stddev": float(camera.clock_skew_stddev),
+        "intrinsics": _plain_lens(camera.intrinsics),
+    }
+
+
+def _plain_lens(lens: Intrinsics) -> dict[str, Any]:
+    plain = {
+        "width": int(lens.width),
+        "height": int(lens.height),
+        "model": lens.model.value,
+        "k": lens.K.ravel().tolist(),
+        "d": lens.D.tolist(),
+    }
+    if not np.array_equal(lens.R_rect_cam, np.eye(3)):
+        plain["r"] = lens.R_rect_cam.ravel().tolist()
+    return plain
+
+
+def _plain_person(person: PersonAssociation) -> dict[str, Any]:
+    return {
+        "id": int(person.person_id),
+        "tracks": {name: [int(i) for i in ids] for name, ids in person.tracks.items()},
+        "reprojection_rms_px": float(person.reprojection_rms_px),
+        "margin": float(person.margin),
+    }
+
+
+class _Entry:
+    """A value of the file that knows where it stands."""
+
+    def __init__(self, value: Any, path: str, separator: str = ".") -> None:
+        self.value = value
+        self._path = path
+        self._separator = separator
+
+    def get(self, key: str, default: Any = None) -> _Entry:
+        """Entry of a mapping; an error if it is missing and has no default."""
+        value = self._mapping().get(key, default)
+        entry = _Entry(value, f"{self._path}{self._separator}{key}")
+        if value is None:
+            raise InputError(f"{entry._path} is missing")
+        return entry
+
+    def items(self) -> list[tuple[str, _Entry]]:
+        """Entries of a mapping by name."""
+        return [(str(k), _Entry(v, f"{self._path}.{k}")) for k, v in self._mapping().items()]
+
+    def elements(self) -> list[_Entry]:
+        """Entries of a list."""
+        if not isinstance(self.value, list):
+            raise self._expected("a list")
+        return [_Entry(v, f"{self._path}[{i}]") for i, v in enumerate(self.value)]
+
+    def text(self) -> str:
+        """Text; a number where a name is wanted is one, too."""
+        if isinstance(self.value, Mapping | list | bool | None):
+            raise self._expected("text")
+        return str(self.value)
+
+    def boolean(self) -> bool:
+        """Read ``true`` or ``false``."""
+        if not isinstance(self.value, bool):
+            raise self._expected("true or false")
+        return self.value
+
+    def integer(self) -> int:
+        """Whole number."""
+        if isinstance(self.value, bool) or not isinstance(self.value, int):
+            raise self._expected("a whole number")
+        return self.value
+
+    def number(self) -> float:
+        """Read a number; ``1e-5``, which YAML 1.1 takes for text, is one, too."""
+        if isinstance(self.value, int | float | str) and not isinstance(self.value, bool):
+            try:
+                return float(self.value)
+            except (ValueError, OverflowError):
+                pass
+        raise self._expected("a number")
+
+    def numbers(self, count: int | None = None, *, finite: bool = True) -> FloatArray:
+        """Flat list of numbers."""
+        entries = self.elements()
+        if count is not None and len(entries) != count:
+            raise self._expected(f"{count} numbers")
+        values = np.array([e.number() for e in entries], dtype=np.float64)
+        if finite and not np.isfinite(values).all():
+            raise self._expected("finite numbers")
+        return values
+
+    def status(self) -> Status:
+        """Name of a `Status`."""
+        try:
+            return Status[str(self.value)]
+        except KeyError:
+            raise self._expected(f"one of {', '.join(s.name for s in Status)}") from None
+
+    def rotation(self) -> FloatArray:
+        """Rotation matrix of a quaternion x, y, z, w."""
+        q = self.numbers(4)
+        if abs(np.linalg.norm(q) - 1.0) > 1e-3:
+            raise self._expected("a unit quaternion x, y, z, w")
+        return matrix_from_quaternion(q)
+
+    def lens_model(self) -> LensModel:
+        """Name of a `LensModel`."""
+        try:
+            return LensModel(self.value)
+        except ValueError:
+            raise self._expected(f"one of {', '.join(m.value for m in LensModel)}") from None
+
+    def _mapping(self) -> Mapping[Any, Any]:
+        if not isinstance(self.value, Mapping):
+            raise self._expected("a mapping")
+        return self.value
+
+    def _expected(self, what: str) -> InputError:
+        shown = repr(self.value)
+        shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
+        return InputError(f"{self._path}: expected {what}, got {shown}")
+
+
+def _camera(name: str, entry: _Entry) -> CameraCalibration:
+    return CameraCalibration(
+        name=name,
+        frame_id=entry.get("frame_id", f"{name}_optical_frame").text(),
+        intrinsics=_lens(entry.get("intrinsics")),
+        R_ref_cam=entry.get("rotation").rotation(),
+        t_ref_cam=entry.get("translation").numbers(3),
+        covariance=entry.get("covariance", [np.nan] * 36).numbers(36, finite=False).reshape(6, 6),
+        time_offset_s=entry.get("time_offset_s").number(),
+        time_offset_stddev_s=entry.get("time_offset_stddev_s", np.nan).number(),
+        clock_skew=entry.get("clock_skew", 0.0).number(),
+        clock_skew_stddev=entry.get("clock_skew_stddev", np.nan).number(),
+    )
+
+
+def _lens(entry: _Entry) -> Intrinsics:
+    return Intrinsics(
+        width=entry.get("width").integer(),
+        height=entry.get("height").integer(),
+        model=entry.get("model").lens_model(),
+        K=entry.get("k").numbers(9).reshape(3, 3),
+        D=entry.get("d").numbers(),
+        R_rect_cam=entry.get("r", np.eye(3).ravel().tolist()).numbers(9).reshape(3, 3),
+    )
+
+
+def _person(entry: _Entry) -> PersonAssociation:
+    return PersonAssociation(
+        person_id=entry.get("id").integer(),
+        tracks={
+            name: tuple(e.integer() for e in ids.elements())
+            for name, ids in entry.get("tracks").items()
+        },
+        reprojection_rms_px=entry.get("reprojection_rms_px", np.nan).number(),
+        margin=entry.get("margin", np.inf).number(),
+    )
+
+
+def _pair(entry: _Entry) -> PairResidual:
+    cameras = entry.get("cameras").elements()
+    if len(cameras) != 2:
+        raise InputError(f"{entry._path}.cameras: expected two names, got {len(cameras)}")
+    return PairResidual(
+        camera_a=cameras[0].text(),
+        camera_b=cameras[1].text(),
+        n_matches=entry.get("n_matches").integer(),
+        median_angle_rad=entry.get("median_angle_rad", np.nan).number(),
+        epipolar_rms_px=entry.get("epipolar_rms_px", np.nan).number(),
+    )
+
+
+def _window(entry: _Entry) -> tuple[float, float]:
+    first, last = entry.numbers(2, finite=False).tolist()
+    return first, last
+
+
+def _square(entry: _Entry) -> FloatArray:
+    rows = entry.elements()
+    out = np.array([row.numbers(len(rows), finite=False) for row in rows], dtype=np.float64)
+    return out.reshape(len(rows), len(rows))

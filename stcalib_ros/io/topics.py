@@ -1,0 +1,191 @@
+"""Which topic belongs to which camera."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.io.schemas import CAMERA_INFO, POSES
+
+
+@dataclass(frozen=True, slots=True)
+class CameraTopics:
+    """Topics and frame of one camera; None: by convention."""
+
+    pose_topic: str | None = None
+    info_topic: str | None = None
+    frame: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSelection:
+    """Which cameras are wanted, in which order, and where they differ from the convention.
+
+    Attributes
+    ----------
+    cameras : tuple of str or None
+        None: every camera there is, ordered by name.
+    camera : mapping of str to CameraTopics
+    """
+
+    cameras: tuple[str, ...] | None = None
+    camera: Mapping[str, CameraTopics] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class SelectedCamera:
+    """A camera and the topics that serve it."""
+
+    name: str
+    pose_topic: str
+    info_topic: str
+    frame: str | None
+
+
+def selection_from_mapping(cameras: object, camera: object) -> CameraSelection:
+    """Read the selection from the ``cameras`` and ``camera`` entries of a configuration file.
+
+    Parameters
+    ----------
+    cameras : list of str or None
+    camera : mapping of name to ``{pose_topic:, info_topic:, frame:}`` or None
+
+    Raises
+    ------
+    InputError
+        They have another form, or a camera is named twice.
+    """
+    names: tuple[str, ...] | None = None
+    if cameras is not None:
+        if not isinstance(cameras, list) or not all(isinstance(c, str) and c for c in cameras):
+            raise InputError(f"option cameras: expected a list of names, got {cameras!r}")
+        if twice := sorted({c for c in cameras if cameras.count(c) > 1}):
+            raise InputError(f"option cameras: two cameras with one name: {', '.join(twice)}")
+        names = tuple(cameras)
+    if camera is None:
+        return CameraSelection(names)
+    if not isinstance(camera, Mapping):
+        raise InputError(f"option camera: expected a mapping by camera name, got {camera!r}")
+    return CameraSelection(names, {str(k): _topics(str(k), v) for k, v in camera.items()})
+
+
+def _topics(name: str, given: Any) -> CameraTopics:
+    known = ("pose_topic", "info_topic", "frame")
+    if not isinstance(given, Mapping):
+        raise InputError(f"option camera.{name}: expected {', '.join(known)}, got {given!r}")
+    for key, value in given.items():
+        if key not in known:
+            raise InputError(f"unknown option camera.{name}.{key}: there are {', '.join(known)}")
+        if not isinstance(value, str) or not value:
+            raise InputError(f"option camera.{name}.{key}: expected text, got {value!r}")
+    return CameraTopics(**given)
+
+
+def select_cameras(
+    types_by_topic: Mapping[str, str], selection: CameraSelection
+) -> tuple[SelectedCamera, ...]:
+    """Cameras of the topics that there are.
+
+    A topic of type `POSES` is a camera; its name is the topic's namespace
+    (``/site/cam0/person_poses``: ``site/cam0``), its lens the ``camera_info`` beside it.
+
+    Parameters
+    ----------
+    types_by_topic : mapping of str to str
+        Type name of every topic.
+    selection : CameraSelection
+
+    Raises
+    ------
+    InputError
+        There is no such topic, no CameraInfo, or two cameras have one name; the message lists
+        what there is.
+    """
+    pose_topics = _pose_topics(types_by_topic, selection)
+    wanted = selection.cameras
+    if wanted is None:
+        wanted = tuple(sorted(pose_topics, key=_natural))
+    if missing := [name for name in wanted if name not in pose_topics]:
+        raise InputError(
+            f"no person poses of camera {', '.join(missing)}; "
+            f"the bag has {_listing(types_by_topic, POSES)}"
+        )
+    cameras = []
+    for name in wanted:
+        own = selection.camera.get(name, CameraTopics())
+        pose_topic = pose_topics[name]
+        info_topic = own.info_topic or pose_topic.rpartition("/")[0] + "/camera_info"
+        _require_type(types_by_topic, info_topic, CAMERA_INFO, f"camera {name}")
+        cameras.append(SelectedCamera(name, pose_topic, info_topic, own.frame))
+    return tuple(cameras)
+
+
+def camera_name(pose_topic: str) -> str:
+    """Name of the camera that publishes on a topic: the topic's namespace.
+
+    Examples
+    --------
+    >>> camera_name("/cam0/person_poses")
+    'cam0'
+    """
+    path = pose_topic.strip("/")
+    return path.rpartition("/")[0] or path
+
+
+def _pose_topics(types_by_topic: Mapping[str, str], selection: CameraSelection) -> dict[str, str]:
+    """Pose topics by camera name."""
+    own = {n: t.pose_topic for n, t in selection.camera.items() if t.pose_topic is not None}
+    for name, topic in own.items():
+        _require_type(types_by_topic, topic, POSES, f"camera {name}")
+    by_convention = [
+        t for t, kind in types_by_topic.items() if kind == POSES and t not in own.values()
+    ]
+    if not own and not by_convention:
+        raise InputError(
+            f"no topic of type {POSES}; the bag has {_listing(types_by_topic)}; "
+            "record the pose estimator's output, or make a bag with `stcalib convert`"
+        )
+    by_name = dict(own)
+    for topic in sorted(by_convention):
+        name = camera_name(topic)
+        if name in own:
+            continue
+        if name in by_name:
+            raise InputError(
+                f"two cameras with one name, {name!r}: {by_name[name]} and {topic}; "
+                f"name them with camera.<name>.pose_topic in the configuration"
+            )
+        by_name[name] = topic
+    return by_name
+
+
+def _require_type(types_by_topic: Mapping[str, str], topic: str, kind: str, whose: str) -> None:
+    actual = types_by_topic.get(topic)
+    if actual == kind:
+        return
+    problem = "there is no such topic" if actual is None else f"its type is {actual}"
+    raise InputError(
+        f"{whose}: no {kind.rpartition('/')[2]} on {topic}: {problem}; the bag has "
+        f"{_listing(types_by_topic, kind)}"
+    )
+
+
+def _listing(types_by_topic: Mapping[str, str], kind: str | None = None) -> str:
+    topics = sorted(t for t, k in types_by_topic.items() if kind in (None, k))
+    if not topics:
+        return "no topics" if kind is None else f"no topic of type {kind}"
+    if kind is not None:
+        return f"{kind} on {', '.join(topics)}"
+    return ", ".join(f"{t} ({types_by_topic[t]})" for t in topics)
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """Sort key by which cam2 comes before cam10."""
+    return [
+        (int(part), "") if part.isdecimal() else (-1, part)
+        for part in re.split(r"(\d+)", name)
+        if part
+    ]
