@@ -13,7 +13,7 @@ from stcalib_ros.core.synthetic.lifter import LifterErrors, lift
 from stcalib_ros.core.synthetic.noise import child_rng
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.people import PersonMotion
-from stcalib_ros.core.synthetic.rigs import Rig, project
+from stcalib_ros.core.synthetic.rigs import Rig, image_of
 from stcalib_ros.core.synthetic.skeleton import LAYOUT, MIRROR
 from stcalib_ros.core.types import BoolArray, CameraRecording, FloatArray, IntArray, Track
 
@@ -109,13 +109,13 @@ def observe(
     lens, times = rig.intrinsics[camera], clock.exposures_s
     R, t = rig.R_cam_world[camera], rig.t_cam_world[camera]
     truth = np.stack([person(times) @ R.T + t for person in people], axis=1)
-    exact = project(lens, truth)
+    exact = image_of(truth, lens)
     keypoints, joints = np.empty_like(exact), np.empty_like(truth)
     draws = [child_rng(rng) for _ in people]
     for p, own in enumerate(draws):
         common = np.random.default_rng([*people_seed, 1_000 + p])
         seen_at = displaced(truth[:, p], DetectorBias(common, 1e-3 * options.keypoint_bias_mm))
-        keypoints[:, p] = project(lens, seen_at)
+        keypoints[:, p] = image_of(seen_at, lens)
         joints[:, p] = lift(own, times, truth[:, p], _lifter(own, common, options))
     keypoints += options.sigma_px * rng.standard_normal(keypoints.shape)
     visible = _visible(child_rng(rng), options, times, truth, keypoints)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.types import BoolArray, FloatArray, Intrinsics, LensModel
+from stcalib_ros.core.geometry import project
+from stcalib_ros.core.types import FloatArray, Intrinsics, LensModel
 
 _HIP_HEIGHT = 0.95
+_NEAR = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,34 +104,17 @@ def staged(rig: Rig, *, scale: float = 1.0) -> Rig:
     return Rig(rig.names, rig.intrinsics, R, -np.einsum("cab,cb->ca", R, local))
 
 
-def project(lens: Intrinsics, points_cam: FloatArray) -> FloatArray:
-    """Project points (..., 3) of the optical frame to pixels (..., 2); NaN where invisible."""
-    flat = np.ascontiguousarray(points_cam.reshape(-1, 3))
+def image_of(points_cam: FloatArray, lens: Intrinsics) -> FloatArray:
+    """Pixels (..., 2) of points (..., 3) of the optical frame; NaN outside the image."""
+    depth = points_cam[..., 2]
     with np.errstate(divide="ignore", invalid="ignore"):
-        radius = np.hypot(flat[:, 0], flat[:, 1]) / flat[:, 2]
-    seen = (flat[:, 2] > 0.05) & (radius < _usable_radius(lens))
-    out = np.full((len(flat), 2), np.nan)
-    if seen.any():
-        out[seen] = _project_visible(lens, flat[seen])
-    out[~_inside(lens, out)] = np.nan
-    return out.reshape(*points_cam.shape[:-1], 2)
-
-
-def _inside(lens: Intrinsics, pixels: FloatArray) -> BoolArray:
+        radius = np.hypot(points_cam[..., 0], points_cam[..., 1]) / depth
+    pixels = project(points_cam, lens)
     limit = np.array([lens.width, lens.height]) - 0.5
-    return np.asarray(np.all((pixels >= -0.5) & (pixels < limit), axis=-1))
-
-
-def _project_visible(lens: Intrinsics, points_cam: FloatArray) -> FloatArray:
-    if not np.any(lens.D):
-        uv = points_cam[:, :2] / points_cam[:, 2:]
-        return np.asarray(uv @ lens.K[:2, :2].T + lens.K[:2, 2])
-    zero = np.zeros(3)
-    if lens.model is LensModel.EQUIDISTANT:
-        pixels, _ = cv2.fisheye.projectPoints(points_cam[:, None], zero, zero, lens.K, lens.D[:4])
-    else:
-        pixels, _ = cv2.projectPoints(points_cam, zero, zero, lens.K, lens.D)
-    return np.asarray(pixels, dtype=float).reshape(-1, 2)
+    with np.errstate(invalid="ignore"):
+        inside = np.all((pixels >= -0.5) & (pixels < limit), axis=-1)
+    pixels[~(inside & (depth > _NEAR) & (radius < _usable_radius(lens)))] = np.nan
+    return pixels
 
 
 def _usable_radius(lens: Intrinsics) -> float:
