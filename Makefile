@@ -1,0 +1,43 @@
+# Everything is set up inside the checkout, by the target that needs it.
+# `make test ROS_DISTRO=kilted` runs the tests with another ROS 2 than Jazzy.
+
+SHELL := bash
+ROS_DISTRO := jazzy
+PYTEST_ARGS :=
+DEMO_ARGS :=
+
+ROS := source scripts/activate.sh $(ROS_DISTRO)
+
+.PHONY: help demo test test-ros lint env clean
+.NOTPARALLEL:
+
+help:
+	@echo "make demo     calibrate four real cameras from a recording, with a picture (no ROS needed)"
+	@echo "make test     lint and test everything, with real ROS 2 (ROS_DISTRO=jazzy or kilted)"
+	@echo "make lint     ruff and mypy"
+	@echo "make env      set up ROS 2 and build the package; then: source scripts/activate.sh"
+	@echo "make clean    remove everything that the other targets made"
+
+demo:
+	@scripts/setup.sh core
+	@MPLCONFIGDIR=$(CURDIR)/.venv/matplotlib .venv/bin/python -m stcalib_ros.demo $(DEMO_ARGS)
+
+test: lint env
+	@$(ROS) && python -m pytest $(PYTEST_ARGS)
+
+# Only what depends on the ROS distribution.
+test-ros: env
+	@$(ROS) && python -m pytest test/ros test/packaging $(PYTEST_ARGS)
+
+lint:
+	@scripts/setup.sh $(ROS_DISTRO)
+	@$(ROS) && ruff check . && ruff format --check . && mypy
+
+env:
+	@scripts/setup.sh $(ROS_DISTRO)
+	@scripts/build.sh $(ROS_DISTRO) .ros/$(ROS_DISTRO) --symlink-install
+
+clean:
+	rm -rf .venv .venv-* .ros build dist out *.egg-info
+	rm -rf .pytest_cache .hypothesis .mypy_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +
