@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.layouts import LAYOUTS
 from stcalib_ros.core.types import CameraRecording, Intrinsics, Recording, Track
 from stcalib_ros.io.cdr import CdrWriter
-from stcalib_ros.io.files import atomic_path
+from stcalib_ros.io.files import atomic_path, require_writable
 from stcalib_ros.io.messages import NS
 from stcalib_ros.io.schemas import CAMERA_INFO, POSES, schema_text
 
@@ -63,26 +63,42 @@ def write_recording(recording: Recording, path: Path | str) -> None:
         The bag cannot be written there. Nothing is left behind then, nor after Ctrl-C.
     """
     path = Path(path)
-    if path.suffix == ".mcap":
+    if not _is_folder_name(path):
         with atomic_path(path) as temporary:
-            _write_file(recording, temporary)
+            _write_file(_topics(recording), _messages(recording), temporary)
         return
-    if path.exists():
+    require_bag_writable(path)
+    topics, messages, name = _topics(recording), _messages(recording), f"{path.name}_0.mcap"
+    with atomic_path(path) as temporary:
+        temporary.mkdir()
+        _write_file(topics, messages, temporary / name)
+        metadata = _metadata(topics, messages, name)
+        (temporary / "metadata.yaml").write_text(metadata, encoding="utf-8")
+
+
+def require_bag_writable(path: Path) -> None:
+    """Make sure, before the long work, that a bag can be written to `path`.
+
+    Raises
+    ------
+    InputError
+        It cannot; a folder must not exist yet.
+    """
+    if _is_folder_name(path) and path.exists():
         raise InputError(
             f"cannot write the bag folder {path}: it exists; remove it or name another"
         )
-    with atomic_path(path) as temporary:
-        temporary.mkdir()
-        name = f"{path.name}_0.mcap"
-        _write_file(recording, temporary / name)
-        (temporary / "metadata.yaml").write_text(_metadata(recording, name), encoding="utf-8")
+    require_writable(path)
 
 
-def _write_file(recording: Recording, path: Path) -> None:
+def _is_folder_name(path: Path) -> bool:
+    return path.suffix != ".mcap"
+
+
+def _write_file(topics: Mapping[str, str], messages: Sequence[_Message], path: Path) -> None:
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.ZSTD)
         writer.start(profile="ros2", library=f"stcalib_ros {__version__}")
-        types = _topics(recording)
         schemas = {
             kind: writer.register_schema(kind, "ros2msg", schema_text(kind).encode())
             for kind in (POSES, CAMERA_INFO)
@@ -90,9 +106,9 @@ def _write_file(recording: Recording, path: Path) -> None:
         metadata = {"offered_qos_profiles": _QOS}
         channels = {
             topic: writer.register_channel(topic, "cdr", schemas[kind], metadata)
-            for topic, kind in types.items()
+            for topic, kind in topics.items()
         }
-        for sequence, message in enumerate(_messages(recording)):
+        for sequence, message in enumerate(messages):
             writer.add_message(
                 channel_id=channels[message.topic],
                 log_time=message.stamp_ns,
@@ -181,13 +197,12 @@ def _is_rectified(lens: Intrinsics) -> bool:
     return not np.array_equal(lens.R_rect_cam, np.eye(3))
 
 
-def _metadata(recording: Recording, file_name: str) -> str:
+def _metadata(topics: Mapping[str, str], messages: Sequence[_Message], file_name: str) -> str:
     """Content of ``metadata.yaml`` in the form of Humble, which later releases read as well."""
-    messages = _messages(recording)
     start = messages[0].stamp_ns if messages else 0
     duration = {"nanoseconds": messages[-1].stamp_ns - start if messages else 0}
     starting_time = {"nanoseconds_since_epoch": start}
-    counts = dict.fromkeys(_topics(recording), 0)
+    counts = dict.fromkeys(topics, 0)
     for message in messages:
         counts[message.topic] += 1
     information = {
@@ -206,7 +221,7 @@ def _metadata(recording: Recording, file_name: str) -> str:
                 },
                 "message_count": counts[topic],
             }
-            for topic, kind in _topics(recording).items()
+            for topic, kind in topics.items()
         ],
         "compression_format": "",
         "compression_mode": "",

@@ -59,7 +59,7 @@ def read_result(path: Path | str) -> Calibration:
     """Read a result or truth file.
 
     Of a camera, ``rotation``, ``translation``, ``time_offset_s`` and ``intrinsics`` must be there;
-    what else is missing is NaN, empty or none.
+    what else is missing is NaN, empty or none, and ``window_s`` is ``epoch_s``.
 
     Raises
     ------
@@ -70,13 +70,14 @@ def read_result(path: Path | str) -> Calibration:
     version = top.get("format").value
     if version != FORMAT:
         raise InputError(f"{path}: format is {version!r}; this version reads {FORMAT}")
+    epoch_s = top.get("epoch_s").number()
     return Calibration(
         status=top.get("status").status(),
         message=top.get("message", "").text(),
         reference=top.get("reference").text(),
         metric=top.get("metric").boolean(),
-        epoch_s=top.get("epoch_s").number(),
-        window_s=_window(top.get("window_s", [np.nan, np.nan])),
+        epoch_s=epoch_s,
+        window_s=_window(top.get("window_s", [epoch_s, epoch_s])),
         cameras=tuple(_camera(n, e) for n, e in top.get("cameras").items()),
         uncalibrated=tuple(
             UncalibratedCamera(n, e.text()) for n, e in top.get("uncalibrated", {}).items()

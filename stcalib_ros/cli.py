@@ -1,0 +1,90 @@
+"""The command ``stcalib``."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+from stcalib_ros import __version__
+from stcalib_ros.core.errors import StcalibError
+
+INTERRUPTED = 130
+
+_COMMANDS = {
+    "calibrate": "calibrate the cameras of a bag",
+    "evaluate": "compare a result with the truth",
+    "simulate": "make a bag with a known answer",
+    "convert": "make a bag from a multi-view .npz file",
+}
+
+_DESCRIPTION = """\
+Calibrate cameras from people walking: where the cameras are, how their clocks differ, who is who.
+Needs no ROS; within ROS, `ros2 run stcalib_ros replay` does the same as `stcalib calibrate`.
+"""
+
+_EPILOG = """\
+exit status:
+  0    done, and the files are there
+  2    unusable arguments or files
+  3    no trustworthy calibration can be had from this data
+  130  interrupted (Ctrl-C); nothing is left behind
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run ``stcalib``.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments without the program's name; default: those of the process.
+
+    Returns
+    -------
+    int
+        Exit status: 0 done, 2 unusable arguments or files, 3 no trustworthy calibration,
+        130 interrupted.
+    """
+    argv = sys.argv[1:] if argv is None else list(argv)
+    try:
+        args = _parser(argv).parse_args(argv)
+        args.run(args)
+        sys.stdout.flush()
+    except StcalibError as error:
+        print(f"stcalib: {error}", file=sys.stderr)
+        return error.exit_status
+    except KeyboardInterrupt:
+        print("stcalib: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # as in `stcalib ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
+    """Parser for `argv`: only the command that is called is imported, for `--help` to be quick."""
+    parser = argparse.ArgumentParser(
+        prog="stcalib",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"stcalib {__version__}")
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    called = next((arg for arg in argv if not arg.startswith("-")), None)
+    for name, summary in _COMMANDS.items():
+        command = subparsers.add_parser(
+            name,
+            help=summary,
+            epilog=_EPILOG,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        if name == called:
+            module = importlib.import_module(f"stcalib_ros.commands.{name}")
+            command.description = module.DESCRIPTION
+            module.add_arguments(command)
+            command.set_defaults(run=module.run)
+    return parser

@@ -1,0 +1,1 @@
+"""What the subcommands of ``stcalib`` do: a module each, imported when it is called."""

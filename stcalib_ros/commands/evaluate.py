@@ -1,0 +1,111 @@
+"""``stcalib evaluate``: how far a result is from the truth."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from stcalib_ros.commands.terminal import table, warn
+from stcalib_ros.core.metrics import Evaluation, evaluate
+from stcalib_ros.core.types import Status
+from stcalib_ros.io.results import read_result
+
+DESCRIPTION = """\
+Compare a result with the truth: the paper's E_R, E_t, E_delta and E_2D, the positions of the
+cameras after similarity alignment and, where the truth has persons, who was taken for whom.
+
+  stcalib evaluate walk.yaml --truth walk_truth.yaml --fps 30
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("result", type=Path, metavar="OUT.yaml", help="result file to judge")
+    parser.add_argument(
+        "--truth", type=Path, required=True, metavar="TRUTH.yaml", help="file with the true values"
+    )
+    parser.add_argument(
+        "--fps", type=float, metavar="HZ", help="frame rate, to have E_delta in frames as well"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+
+
+def run(args: argparse.Namespace) -> None:
+    """Compare and print.
+
+    Raises
+    ------
+    InputError
+        A file is unusable, or the two have fewer than two cameras in common.
+    """
+    estimate, truth = read_result(args.result), read_result(args.truth)
+    if estimate.status is not Status.OK:
+        warn(f"{args.result} is not to be used: its status is {estimate.status.name}")
+    evaluation = evaluate(estimate, truth, fps=args.fps)
+    text = evaluation_json(evaluation) if args.json else evaluation_text(evaluation, truth.metric)
+    print(text)
+
+
+def evaluation_text(evaluation: Evaluation, metric: bool) -> str:
+    """Say for a person how far a calibration is from the truth.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    metric : bool
+        Lengths of the truth are metres.
+    """
+    unit = "m" if metric else "baselines"
+    centres = (
+        f"{evaluation.centre_mean:.4f} {unit} (mean), {evaluation.centre_max:.4f} {unit} (largest)"
+    )
+    lines = [
+        _cameras(evaluation, unit),
+        "",
+        f"E_R      {evaluation.E_R:.5f} rad",
+        f"E_t      {evaluation.E_t:.5f} times the true distance of the first two cameras",
+        f"E_delta  {evaluation.E_delta_s * 1e3:.2f} ms{_frames(evaluation.E_delta)}",
+        f"E_2D     {evaluation.E_2D:.2f} px",
+        f"centres  {centres} after similarity alignment; scale {evaluation.scale:.4f}",
+    ]
+    if math.isfinite(evaluation.precision):
+        lines.append(
+            f"persons  {evaluation.precision:.1%} of {evaluation.n_matches} matches of tracks are "
+            f"right, {evaluation.recall:.1%} of the true ones are found"
+        )
+    lines += [f"NOT calibrated: {name}" for name in evaluation.missing]
+    return "\n".join(lines)
+
+
+def evaluation_json(evaluation: Evaluation) -> str:
+    """JSON object with the fields of `Evaluation`; ``null`` where there is no number."""
+    return json.dumps(_finite(asdict(evaluation)), indent=2, allow_nan=False)
+
+
+def _cameras(evaluation: Evaluation, unit: str) -> str:
+    rows = [("camera", "rotation [rad]", "translation", f"centre [{unit}]", "offset")]
+    for c in evaluation.cameras:
+        offset = f"{c.offset_s * 1e3:+.2f} ms{_frames(c.offset_frames)}"
+        if c.name == evaluation.reference:
+            offset = "reference"
+        numbers = [f"{n:.5f}" for n in (c.rotation_rad, c.translation, c.centre)]
+        rows.append((c.name, numbers[0], numbers[1], numbers[2], offset))
+    return table(rows)
+
+
+def _frames(frames: float) -> str:
+    return f" ({frames:.3f} frames)" if math.isfinite(frames) else ""
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(v) for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

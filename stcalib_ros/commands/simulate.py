@@ -1,0 +1,115 @@
+"""``stcalib simulate``: a bag with a known answer."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import Field, fields
+from pathlib import Path
+from typing import Any
+
+from stcalib_ros.commands.bag_and_truth import add_output_arguments, require_outputs, write_outputs
+from stcalib_ros.core.synthetic import PEOPLE, SceneOptions, simulate
+from stcalib_ros.io.mocap import shipped_clips
+from stcalib_ros.io.rigs import read_rig
+
+DESCRIPTION = """\
+Make a bag of people who walk about, as cameras, detectors, lifters and clocks with errors see them,
+and its true values.
+
+  stcalib simulate scene.mcap --truth scene_truth.yaml --n-cameras 6 --seed 3
+"""
+
+_HELP = {
+    "n_cameras": "number of cameras",
+    "n_people": "number of people",
+    "n_frames": "length in frames of the first camera",
+    "people": "how they move",
+    "area_radius_m": "people stay within about this of the middle",
+    "fps": "frame rate: one, or one per camera",
+    "image_size": "width and height, px",
+    "focal_px": "focal length",
+    "ring_radius_m": "range of the distances of cameras from the middle",
+    "ring_height_m": "range of the heights of cameras",
+    "rig": "JSON file of given cameras (name, image_size, K, dist, R, t) instead of a ring",
+    "rig_scale": "enlarges the rig",
+    "max_offset_frames": "clocks are off by up to this, in frames of the first camera",
+    "skew_ppm": "clock rates are wrong by up to this",
+    "stamp_jitter_s": "standard deviation of stamps about the exposures",
+    "drop_rate": "share of images that a camera loses",
+    "sigma_px": "noise of key points, per axis",
+    "keypoint_bias_mm": "view-dependent displacement of key points, rms",
+    "lifter_mm": "range of the mean joint errors of 3D poses",
+    "lifter_depth_ratio": "joint error along the optical axis over that across",
+    "tilt_deg": "slow tilt of 3D poses, rms",
+    "crop_perspective": "share of the error of a lifter that takes every crop for the middle",
+    "scale_error": "standard deviation of the 3D size of a person",
+    "flip_rate": "share of frames with left and right exchanged",
+    "missing": "share of a person's frames in a view without a detection",
+    "occlusions": "people cover each other",
+    "bursts_per_10s": "short losses per person and camera",
+    "id_switches_per_10s": "exchanges of track ids per person and camera",
+    "seed": "same seed, same scene",
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command: one for every field of `SceneOptions`."""
+    add_output_arguments(parser)
+    for field in fields(SceneOptions):
+        flag = f"--{field.name.replace('_', '-')}"
+        text = _HELP[field.name]
+        if field.default is not None:
+            default = field.default if isinstance(field.default, tuple) else (field.default,)
+            text += f" (default: {' '.join(map(str, default))})"
+        parser.add_argument(
+            flag, dest=field.name, default=argparse.SUPPRESS, help=text, **_settings(field)
+        )
+
+
+def run(args: argparse.Namespace) -> None:
+    """Simulate.
+
+    Raises
+    ------
+    InputError
+        An argument is unusable.
+    """
+    require_outputs(args)
+    scene = simulate(scene_options(args), clips=shipped_clips())
+    write_outputs(args, scene.recording, scene.truth)
+
+
+def scene_options(args: argparse.Namespace) -> SceneOptions:
+    """Build the options of parsed arguments.
+
+    Raises
+    ------
+    InputError
+        A value is out of range, or the rig cannot be read.
+    """
+    given = {f.name: getattr(args, f.name) for f in fields(SceneOptions) if f.name in args}
+    given = {name: tuple(v) if isinstance(v, list) else v for name, v in given.items()}
+    if len(rates := given.get("fps", ())) == 1:
+        given["fps"] = rates[0]
+    if "rig" in given:
+        given["rig"] = read_rig(given["rig"])
+    return SceneOptions(**given)
+
+
+def _settings(field: Field[Any]) -> dict[str, Any]:
+    """How argparse reads a field."""
+    special: dict[str, dict[str, Any]] = {
+        "fps": {"nargs": "+", "type": float, "metavar": "HZ"},
+        "rig": {"type": Path, "metavar": "FILE"},
+        "people": {"choices": PEOPLE},
+    }
+    if field.name in special:
+        return special[field.name]
+    if isinstance(field.default, bool):
+        return {"action": argparse.BooleanOptionalAction}
+    unit = field.name.rpartition("_")[2]
+    metavar = unit.upper() if unit in ("m", "mm", "px", "s", "deg", "ppm", "frames") else "N"
+    if isinstance(field.default, tuple):
+        n = len(field.default)
+        return {"nargs": n, "type": type(field.default[0]), "metavar": (metavar,) * n}
+    return {"type": type(field.default), "metavar": metavar}

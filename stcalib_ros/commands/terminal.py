@@ -1,0 +1,149 @@
+"""What the commands print: progress, and results in plain words."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import TextIO
+
+import numpy as np
+
+from stcalib_ros.core.geometry import rotation_angle
+from stcalib_ros.core.types import Calibration, CameraCalibration
+
+_BAR = 24
+
+
+def warn(message: str) -> None:
+    """Print a warning."""
+    print(f"stcalib: warning: {message}", file=sys.stderr)
+
+
+class ProgressPrinter:
+    """Shows progress: one line that changes on a terminal, else a line for every stage.
+
+    Parameters
+    ----------
+    stream : file object or None
+        Usually standard error; None: nothing is shown.
+    """
+
+    def __init__(self, stream: TextIO | None) -> None:
+        self._stream = stream
+        self._live = stream is not None and stream.isatty()
+        self._shown = ""
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        """Take note that `fraction` of `stage` is done."""
+        if self._live:
+            done = round(_BAR * min(max(fraction, 0.0), 1.0))
+            bar = "#" * done + "." * (_BAR - done)
+            self._replace(f"[{bar}] {stage}")
+        elif self._stream is not None and stage != self._shown:
+            self._shown = stage
+            print(stage, file=self._stream, flush=True)
+
+    def close(self) -> None:
+        """Take the line away."""
+        if self._live and self._shown:
+            self._replace("")
+
+    def _replace(self, line: str) -> None:
+        if self._stream is not None and line != self._shown:
+            self._stream.write(f"\r\x1b[K{line}")
+            self._stream.flush()
+            self._shown = line
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Columns of text, aligned to the left; the first row is the head."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = (
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    )
+    return "\n".join(lines)
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """Say for a person what was found.
+
+    Raises
+    ------
+    ValueError
+        There are no cameras in it.
+    """
+    if not calibration.cameras:
+        raise ValueError("a calibration without cameras has nothing to tell")
+    n, n_all = len(calibration.cameras), len(calibration.cameras) + len(calibration.uncalibrated)
+    head = (
+        f"{n} of {n_all} cameras calibrated on {_count(len(calibration.persons), 'person')}, "
+        f"{calibration.n_inliers} of {calibration.n_observations} image points, "
+        f"reprojection error {calibration.reprojection_rms_px:.2f} px (rms)."
+    )
+    parts = [head, _cameras(calibration), _directions(calibration)]
+    if calibration.persons:
+        parts.append(_persons(calibration))
+    parts += [f"NOT calibrated: {c.name}: {c.reason}" for c in calibration.uncalibrated]
+    return "\n\n".join(parts)
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def _directions(calibration: Calibration) -> str:
+    unit = "metres" if calibration.metric else "distances between the first two cameras"
+    ref = calibration.reference
+    return (
+        f"Poses are T_ref_cam: where a camera is and looks in the optical frame of {ref} "
+        f"(x right, y down, z forward), in {unit}.\n"
+        f"Add a camera's offset to its stamps to have the clock of {ref}: "
+        "t_ref = t_cam + offset. +- is one standard deviation."
+    )
+
+
+def _cameras(calibration: Calibration) -> str:
+    unit = "m" if calibration.metric else "baselines"
+    head = ("camera", f"position x y z [{unit}]", "looks along x y z", "turned", "clock offset")
+    return table([head, *(_camera_row(c, calibration.reference) for c in calibration.cameras)])
+
+
+def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
+    looks_along = camera.R_ref_cam[:, 2]
+    turned = f"{float(np.degrees(rotation_angle(camera.R_ref_cam))):.1f} deg"
+    position = _triple(camera.t_ref_cam, 3)
+    if camera.name == reference:
+        return (camera.name, position, _triple(looks_along, 2), turned, "reference")
+    variances = np.maximum(np.diag(camera.covariance), 0.0)
+    position_std = float(np.sqrt(variances[:3].sum()))
+    angle_std = float(np.degrees(np.sqrt(variances[3:].sum())))
+    offset = f"{_signed(camera.time_offset_s * 1e3)} +- {camera.time_offset_stddev_s * 1e3:.2f} ms"
+    if camera.clock_skew:
+        offset += f", {_signed(camera.clock_skew * 1e6)} ppm"
+    return (
+        camera.name,
+        f"{position} +- {position_std:.3f}",
+        _triple(looks_along, 2),
+        f"{turned} +- {angle_std:.2f}",
+        offset,
+    )
+
+
+def _triple(values: np.ndarray, digits: int) -> str:
+    return " ".join(f"{v + 0.0:{digits + 4}.{digits}f}" for v in np.round(values, digits))
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.2f}"
+
+
+def _persons(calibration: Calibration) -> str:
+    names = [c.name for c in calibration.cameras]
+    rows = [("person", *(f"track in {n}" for n in names), "reprojection", "next best")]
+    for person in calibration.persons:
+        tracks = [", ".join(map(str, person.tracks.get(n, ()))) or "-" for n in names]
+        rms = person.reprojection_rms_px
+        margin = f"{person.margin:.1f} x worse" if np.isfinite(person.margin) else "none"
+        rows.append((str(person.person_id), *tracks, f"{rms:.2f} px", margin))
+    return table(rows)

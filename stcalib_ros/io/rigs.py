@@ -1,0 +1,46 @@
+"""Camera rigs of JSON files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.synthetic import Rig
+from stcalib_ros.core.types import Intrinsics, LensModel
+
+
+def read_rig(path: Path) -> Rig:
+    """Read the cameras of a real rig.
+
+    The file is a JSON object; its ``cameras`` are objects with ``name``, ``image_size`` (width,
+    height), ``K``, ``dist`` (OpenCV's order) and ``R``, ``t``: ``x_cam = R x_world + t``, metres.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or has another form.
+    """
+    try:
+        cameras = json.loads(path.read_text(encoding="utf-8"))["cameras"]
+        return Rig(
+            names=tuple(str(c["name"]) for c in cameras),
+            intrinsics=tuple(_lens(c) for c in cameras),
+            R_cam_world=np.array([c["R"] for c in cameras], dtype=np.float64),
+            t_cam_world=np.array([c["t"] for c in cameras], dtype=np.float64),
+        )
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is no camera rig ({type(error).__name__}: {error})") from error
+
+
+def _lens(camera: dict[str, Any]) -> Intrinsics:
+    width, height = (int(n) for n in camera["image_size"])
+    D = np.array(camera["dist"], dtype=np.float64)
+    model = LensModel.PLUMB_BOB if D.size <= 5 else LensModel.RATIONAL_POLYNOMIAL
+    K = np.array(camera["K"], dtype=np.float64).reshape(3, 3)
+    return Intrinsics(width, height, model, K, D)
