@@ -19,7 +19,9 @@ class DetectorBias:
     ----------
     rng : Generator
     rms_m : float
-        Root mean square over all directions of the length of the displacement of each joint.
+        Root mean square over all directions of each component of a joint's displacement. (Taken
+        like this, 20 mm keep a bundle adjustment with true times and identities, 4 cameras, 3
+        people and 300 frames at median errors of 0.0037 rad and 0.0031 baselines.)
     """
 
     def __init__(self, rng: np.random.Generator, rms_m: float) -> None:
@@ -31,7 +33,7 @@ class DetectorBias:
         power = (linear**2).sum((1, 2)) / 3
         power_square = 2 * (square**2).sum((1, 2, 3)) / 15
         square *= np.sqrt(power / power_square)[:, None, None, None]
-        norm = rms_m / np.sqrt(2 * power)
+        norm = rms_m * np.sqrt(1.5 / power)
         self._linear = linear * norm[:, None, None]
         self._square = square * norm[:, None, None, None]
 

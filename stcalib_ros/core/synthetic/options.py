@@ -47,7 +47,8 @@ class SceneOptions:
     sigma_px : float
         Noise of key points, per axis.
     keypoint_bias_mm : float
-        Root mean square of the view-dependent displacement of key points (see `DetectorBias`).
+        Root mean square, per axis, of the view-dependent displacement of key points (see
+        `DetectorBias`).
     lifter_mm : (float, float)
         Range of the mean joint error (MPJPE) of the 3D poses, per person and camera.
     lifter_depth_ratio : float

@@ -1,0 +1,196 @@
+"""The level that the project promises, in one table.
+
+    python -m benchmarks.level                    all simulated scenes
+    python -m benchmarks.level --demo             and the demo recording
+    python -m benchmarks.level --only default --scenes 5
+
+Exit status 1 if a target is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import stcalib_ros
+from benchmarks.measure import Run, judged, run_calibration, run_scene
+from benchmarks.scenarios import MAX_CPU_S, SCENARIOS, Scenario
+from stcalib_ros.core.metrics import Evaluation, match_quality
+from stcalib_ros.io.bag import read_bag
+from stcalib_ros.io.results import read_result
+
+_ERRORS = ("E_R", "E_t", "E_delta")
+_DEMO_FPS = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One figure of the table: its distribution and its target."""
+
+    figure: str
+    value: str
+    target: str
+    met: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """The figures of one scenario."""
+
+    name: str
+    title: str
+    rows: tuple[Row, ...]
+    notes: tuple[str, ...]
+    runs: tuple[Run, ...]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the benchmark and print the table.
+
+    Returns
+    -------
+    int
+        0 if all targets are met, else 1.
+    """
+    args = _arguments(argv)
+    sections = []
+    for scenario in SCENARIOS:
+        if args.only in (None, scenario.name):
+            n_scenes = args.scenes or scenario.n_scenes
+            sections.append(summary(scenario, _run_all(scenario, n_scenes, args.jobs)))
+            _print(sections[-1], as_json=args.json)
+    if args.demo or args.only == "demo":
+        sections.append(demo())
+        _print(sections[-1], as_json=args.json)
+    if args.json:
+        print(json.dumps(_finite([asdict(s) for s in sections]), indent=2))
+    return 0 if all(row.met is not False for s in sections for row in s.rows) else 1
+
+
+def summary(scenario: Scenario, runs: Sequence[Run]) -> Section:
+    """Distribution of the figures over the scenes of a scenario, beside the targets."""
+    n = len(runs)
+    solved = sum(not run.failure for run in runs)
+    needed = n - int((1 - scenario.success) * n)
+    rows = [Row("solved", f"{solved} of {n}", f">= {needed}", solved >= needed)]
+    for name in _ERRORS:
+        values = [getattr(r.evaluation, name) if r.evaluation else np.inf for r in runs]
+        limit = scenario.medians.get(name)
+        rows.append(_distribution(name, values, limit, "median"))
+    precision = [r.evaluation.precision if r.evaluation else 0.0 for r in runs]
+    rows.append(Row("precision", f"median {np.median(precision):.3f}", "", None))
+    rows.append(_distribution("CPU s", [r.cpu_s for r in runs], MAX_CPU_S, "max"))
+    notes = tuple(f"seed {run.seed}: {run.failure}" for run in runs if run.failure)
+    return Section(scenario.name, scenario.title, tuple(rows), notes, tuple(runs))
+
+
+def demo() -> Section:
+    """Figures of the demo recording."""
+    folder = Path(stcalib_ros.__file__).parent / "data" / "demo"
+    truth = read_result(folder / "balance_truth.yaml")
+    outcome = run_calibration(read_bag(folder / "balance.mcap"))
+    run = judged(outcome, truth, name="demo", seed=0, fps=_DEMO_FPS, bounds={})
+    rows = (Row("solved", "no" if run.failure else "yes", "yes", not run.failure),)
+    if run.evaluation is not None and outcome.calibration is not None:
+        seen_by_all = [p for p in truth.persons if len(p.tracks) == len(truth.cameras)]
+        names = [camera.name for camera in truth.cameras]
+        _, _, found = match_quality(outcome.calibration.persons, seen_by_all, names)
+        rows += _demo_rows(run, run.evaluation, found)
+    notes = (run.failure,) if run.failure else ()
+    return Section("demo", "four real cameras, BlazePose, clocks shifted", rows, notes, (run,))
+
+
+def _demo_rows(run: Run, errors: Evaluation, found: float) -> tuple[Row, ...]:
+    offset = max(abs(camera.offset_frames) for camera in errors.cameras)
+    return (
+        _single("E_R", errors.E_R, 0.07),
+        _single("E_t", errors.E_t, None),
+        _single("centres m", errors.centre_max, 0.25),
+        _single("offset frames", offset, 3.0),
+        Row("precision", f"{errors.precision:.3f}", "1", errors.precision == 1),
+        Row("people found", f"{found:.3f} of matches", "1", found == 1),
+        _single("CPU s", run.cpu_s, MAX_CPU_S),
+    )
+
+
+def _run_all(scenario: Scenario, n_scenes: int, jobs: int) -> list[Run]:
+    task = partial(run_scene, scenario)
+    if jobs == 1:
+        return _followed(scenario, map(task, range(n_scenes)), n_scenes)
+    with ProcessPoolExecutor(jobs) as pool:
+        return _followed(scenario, pool.map(task, range(n_scenes)), n_scenes)
+
+
+def _followed(scenario: Scenario, runs: Iterable[Run], n_scenes: int) -> list[Run]:
+    """Collect the runs while telling a terminal how far they are."""
+    out = []
+    for run in runs:
+        out.append(run)
+        if sys.stderr.isatty():
+            print(f"\r{scenario.name}: {len(out)} of {n_scenes} ", end="", file=sys.stderr)
+    if sys.stderr.isatty():
+        print("\r", end="", file=sys.stderr)
+    return out
+
+
+def _distribution(name: str, values: Sequence[float], limit: float | None, judged_by: str) -> Row:
+    figures = {
+        "median": float(np.median(values)),
+        "p90": float(np.percentile(values, 90)),
+        "max": float(np.max(values)),
+    }
+    text = "  ".join(f"{key} {value:.3g}" for key, value in figures.items())
+    if limit is None:
+        return Row(name, text, "", None)
+    return Row(name, text, f"{judged_by} <= {limit:g}", figures[judged_by] <= limit)
+
+
+def _single(name: str, value: float, limit: float | None) -> Row:
+    if limit is None:
+        return Row(name, f"{value:.3g}", "", None)
+    return Row(name, f"{value:.3g}", f"<= {limit:g}", value <= limit)
+
+
+def _print(section: Section, *, as_json: bool) -> None:
+    out = sys.stderr if as_json else sys.stdout
+    print(f"\n{section.name}: {section.title}", file=out)
+    for row in section.rows:
+        verdict = {True: "pass", False: "MISS", None: ""}[row.met]
+        print(f"  {row.figure:14s} {row.value:44s} {row.target:18s} {verdict}", file=out)
+    for note in section.notes:
+        print(f"  not solved: {note}", file=out, flush=True)
+
+
+def _finite(value: Any) -> Any:
+    """Replace what JSON has no number for by null."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.level", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    names = [scenario.name for scenario in SCENARIOS]
+    parser.add_argument("--only", choices=[*names, "demo"], help="one scenario")
+    parser.add_argument("--scenes", type=int, metavar="N", help="scenes of each scenario")
+    parser.add_argument("--demo", action="store_true", help="the demo recording as well")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default 1)")
+    parser.add_argument("--json", action="store_true", help="every run as JSON on stdout")
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

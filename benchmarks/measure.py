@@ -1,0 +1,101 @@
+"""One scene, calibrated and compared with the truth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from benchmarks.scenarios import SUCCESS, Scenario
+from stcalib_ros.core.errors import StcalibError
+from stcalib_ros.core.metrics import Evaluation, evaluate
+from stcalib_ros.core.pipeline import calibrate
+from stcalib_ros.core.synthetic import simulate
+from stcalib_ros.core.types import Calibration, Recording, Status
+from stcalib_ros.io.mocap import shipped_clips
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What a calibration came to.
+
+    Attributes
+    ----------
+    calibration : Calibration or None
+    cpu_s : float
+        CPU seconds of this process.
+    refusal : str
+        Why there is none.
+    """
+
+    calibration: Calibration | None
+    cpu_s: float
+    refusal: str
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One calibration beside the truth.
+
+    Attributes
+    ----------
+    scenario : str
+    seed : int
+    cpu_s : float
+        CPU seconds of the calibration alone.
+    evaluation : Evaluation or None
+        None where there is nothing to compare.
+    failure : str
+        Why the scene is not solved; empty if it is.
+    """
+
+    scenario: str
+    seed: int
+    cpu_s: float
+    evaluation: Evaluation | None
+    failure: str
+
+
+def run_scene(scenario: Scenario, index: int) -> Run:
+    """Simulate and calibrate one scene of a scenario."""
+    options = scenario.scene_options(index)
+    scene = simulate(options, clips=shipped_clips())
+    outcome = run_calibration(scene.recording)
+    return judged(
+        outcome, scene.truth, name=scenario.name, seed=options.seed, fps=options.rates(1)[0]
+    )
+
+
+def run_calibration(recording: Recording) -> Outcome:
+    """Calibrate with default options and take the time; a refusal is an outcome."""
+    start = time.process_time()
+    try:
+        calibration, refusal = calibrate(recording), ""
+    except StcalibError as error:
+        calibration, refusal = None, str(error)
+    return Outcome(calibration, time.process_time() - start, refusal)
+
+
+def judged(
+    outcome: Outcome,
+    truth: Calibration,
+    *,
+    name: str,
+    seed: int,
+    fps: float,
+    bounds: Mapping[str, float] = SUCCESS,
+) -> Run:
+    """Compare with the truth and say whether the scene is solved."""
+    found = outcome.calibration
+    if found is None:
+        return Run(name, seed, outcome.cpu_s, None, outcome.refusal)
+    try:
+        evaluation = evaluate(found, truth, fps=fps)
+    except StcalibError as error:
+        return Run(name, seed, outcome.cpu_s, None, f"{error} ({found.message})")
+    wrong = [] if found.status is Status.OK else [f"{found.status.name}: {found.message}"]
+    reasons = {camera.name: camera.reason for camera in found.uncalibrated}
+    wrong += [f"{camera}: {reasons.get(camera, 'missing')}" for camera in evaluation.missing]
+    values = {error: getattr(evaluation, error) for error in bounds}
+    wrong += [f"{n} {v:.3g}" for n, v in values.items() if not v <= bounds[n]]
+    return Run(name, seed, outcome.cpu_s, evaluation, ", ".join(wrong))

@@ -1,0 +1,85 @@
+"""The scenes that the level is measured on, and what is asked of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+from stcalib_ros.core.synthetic import SceneOptions
+
+SUCCESS = {"E_R": 0.02, "E_t": 0.05, "E_delta": 0.5}
+"""A scene is solved if every camera is calibrated and no error is above these."""
+
+MAX_CPU_S = 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A kind of scene.
+
+    Attributes
+    ----------
+    name, title : str
+    options : SceneOptions
+        Of the first scene; the others differ by their seed.
+    n_scenes : int
+    success : Fraction
+        Least share of scenes to be solved.
+    medians : mapping of str to float
+        Largest medians of the errors.
+    """
+
+    name: str
+    title: str
+    options: SceneOptions
+    n_scenes: int
+    success: Fraction
+    medians: Mapping[str, float] = field(default_factory=dict)
+
+    def scene_options(self, index: int) -> SceneOptions:
+        """Options of one scene."""
+        return replace(self.options, seed=self.options.seed + index)
+
+
+SCENARIOS = (
+    Scenario(
+        "default",
+        "4 cameras, 3 people, 300 frames, 3 px, lifter 30-60 mm and 3 degrees, id switches",
+        SceneOptions(seed=1000),
+        30,
+        Fraction(29, 30),
+        {"E_R": 0.001, "E_t": 0.001, "E_delta": 0.03},
+    ),
+    Scenario(
+        "bias",
+        "the same with key points that are systematically off by 20 mm",
+        SceneOptions(seed=2000, keypoint_bias_mm=20.0),
+        20,
+        Fraction(19, 20),
+        {"E_R": 0.008, "E_t": 0.006, "E_delta": 0.15},
+    ),
+    Scenario(
+        "crowd",
+        "6 people, 25 % missing per view, occlusions, id switches, key points off by 20 mm",
+        SceneOptions(
+            seed=3000,
+            n_people=6,
+            area_radius_m=2.0,
+            missing=0.25,
+            occlusions=True,
+            bursts_per_10s=1.0,
+            keypoint_bias_mm=20.0,
+        ),
+        15,
+        Fraction(13, 15),
+    ),
+    Scenario(
+        "one",
+        "one person",
+        SceneOptions(seed=4000, n_people=1),
+        10,
+        Fraction(1),
+    ),
+)
+"""The scenes of the level, in the order of the table."""
