@@ -1,0 +1,78 @@
+"""Cross-covariance of oriented points at all time offsets at once.
+
+For fixed tracks p, q and lag d the rotation that aligns their oriented points (the first
+cost of Section III-A) depends on them only through ``S_pqd = sum m m' v_p v_q'^T``, summed
+over frames and bones. As a function of the lag this is a cross-correlation, so that all
+offsets of the search range cost one Fourier transform.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from stcalib_ros.core.geometry import best_rotation_trace
+from stcalib_ros.core.timeline import GridTracks
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairCovariance:
+    """Cross-covariances of all tracks of two cameras at all lags.
+
+    Attributes
+    ----------
+    S : (P, Q, L, 3, 3) ndarray
+        ``sum m m' v_a v_b^T``.
+    mass : (P, Q, L) ndarray
+        ``sum m m'``: the greatest value that ``tr(R^T S)`` can have.
+    overlap : (P, Q, L) ndarray
+        Samples that both tracks share.
+    lags : (L,) ndarray of int
+        Sample k of camera a is compared with sample k + lag of camera b.
+    """
+
+    S: FloatArray
+    mass: FloatArray
+    overlap: FloatArray
+    lags: IntArray
+
+    def score(self, *, min_overlap: int) -> FloatArray:
+        """Cosine-like agreement (P, Q, L) after the best rotation; NaN below `min_overlap`."""
+        enough: BoolArray = self.overlap >= min_overlap
+        score = np.full(self.mass.shape, np.nan)
+        score[enough] = best_rotation_trace(self.S[enough]) / np.maximum(self.mass[enough], 1e-9)
+        return score
+
+
+def cross_covariance(a: GridTracks, b: GridTracks, *, max_lag: int) -> PairCovariance:
+    """Cross-covariances at the lags ``-max_lag .. max_lag`` by fast Fourier transform."""
+    n = a.oriented.shape[1]
+    max_lag = min(max_lag, n - 1)
+    size = int(fft.next_fast_len(n + max_lag, real=True))
+    lags = np.arange(-max_lag, max_lag + 1)
+    S = _correlate(_stack(a.oriented), _stack(b.oriented), size, lags)
+    P, Q = len(a.oriented), len(b.oriented)
+    S = S.reshape(P, 3, Q, 3, len(lags)).transpose(0, 2, 4, 1, 3)
+    mass = _correlate(a.weight.transpose(1, 0, 2), b.weight.transpose(1, 0, 2), size, lags)
+    overlap = _correlate(_presence(a), _presence(b), size, lags)
+    return PairCovariance(S, mass, np.rint(overlap), lags)
+
+
+def _stack(oriented: FloatArray) -> FloatArray:
+    """(P, N, D, 3) to (N, 3 P, D)."""
+    P, n, D, _ = oriented.shape
+    return oriented.transpose(1, 0, 3, 2).reshape(n, 3 * P, D)
+
+
+def _presence(tracks: GridTracks) -> FloatArray:
+    return np.asarray(tracks.present.T[..., None], dtype=np.float32)
+
+
+def _correlate(a: FloatArray, b: FloatArray, size: int, lags: IntArray) -> FloatArray:
+    """``sum_k a[k] @ b[k + lag]^T`` for every lag: (N, A, D), (N, B, D) to (A, B, L)."""
+    spectrum = np.conj(fft.rfft(a, size, axis=0)) @ fft.rfft(b, size, axis=0).transpose(0, 2, 1)
+    series = fft.irfft(spectrum, size, axis=0)[lags % size]
+    return np.asarray(series.transpose(1, 2, 0), dtype=np.float64)

@@ -1,0 +1,179 @@
+"""Epipolar geometry of two unsynchronised cameras: Sampson distance and two-view refinement.
+
+This is the second cost of Section III-A, ``x^T [t]_x R x'``, in its first-order geometric
+form and with the lag as an unknown: key points of the second camera are read off between
+its frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stcalib_ros.core.geometry import exp_so3, hat
+from stcalib_ros.core.hypotheses import PairHypothesis
+from stcalib_ros.core.lift import LiftedCamera
+from stcalib_ros.core.timeline import Interpolation, frame_period
+from stcalib_ros.core.types import FloatArray
+
+_MAX_POINTS = 2500
+_MIN_POINTS = 60
+_MAX_GAP = 2.6
+_NOISE_FLOOR_PX = 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Correspondences:
+    """Key points of matched tracks at one lag.
+
+    Attributes
+    ----------
+    x_a, x_b : (M, 3) ndarray
+        Homogeneous points on the planes z = 1.
+    v_b : (M, 3) ndarray
+        Time derivative of `x_b`, per second.
+    focal : (M,) ndarray
+        Pixels per unit of x, geometric mean of both cameras.
+    depth_difference : (K, 3), (K, 3) ndarrays
+        Middle of the body in both cameras' frames, metres.
+    """
+
+    x_a: FloatArray
+    x_b: FloatArray
+    v_b: FloatArray
+    focal: FloatArray
+    body_a: FloatArray
+    body_b: FloatArray
+
+
+def sampson(E: FloatArray, x_a: FloatArray, x_b: FloatArray) -> FloatArray:
+    """Signed Sampson distances (M,) of ``x_a^T E x_b = 0`` on the planes z = 1.
+
+    Parameters
+    ----------
+    E : (..., 3, 3) ndarray
+        Essential matrix ``[t_a_b]_x R_a_b``.
+    x_a, x_b : (..., M, 3) ndarray
+        Homogeneous points.
+    """
+    line_a = x_b @ np.swapaxes(E, -1, -2)
+    line_b = x_a @ E
+    numerator = (x_a * line_a).sum(-1)
+    return np.asarray(numerator / _sampson_scale(line_a, line_b))
+
+
+def _sampson_scale(line_a: FloatArray, line_b: FloatArray) -> FloatArray:
+    squares = (line_a[..., :2] ** 2).sum(-1) + (line_b[..., :2] ** 2).sum(-1)
+    return np.asarray(np.sqrt(np.maximum(squares, 1e-18)))
+
+
+def correspondences(
+    cameras: Sequence[LiftedCamera], h: PairHypothesis, *, max_points: int = _MAX_POINTS
+) -> Correspondences:
+    """Matched key points at the lag of a hypothesis, thinned to about `max_points`."""
+    cam_a, cam_b = cameras[h.a], cameras[h.b]
+    gap = _MAX_GAP * frame_period(cam_b.stamps)
+    total = sum(cam_a.tracks[p].x.shape[0] * cam_a.tracks[p].x.shape[1] for p, _ in h.matches)
+    stride = max(1, -(-total // max_points))
+    parts: list[tuple[FloatArray, ...]] = []
+    for p, q in h.matches:
+        a, b = cam_a.tracks[p], cam_b.tracks[q]
+        rows = np.arange(0, len(a.frames), stride)
+        times = cam_a.stamps[a.frames[rows]] + h.lag_s
+        at = Interpolation(cam_b.stamps[b.frames], times, max_gap=gap)
+        x_a, x_b, v_b = a.x[rows], at(b.x), at.rate(b.x)
+        focal = np.sqrt(a.focal[rows] * at(b.focal))
+        good = np.isfinite(x_a).all(-1) & np.isfinite(x_b).all(-1)
+        body_a, body_b = a.joints_cam[rows].mean(1), at(b.joints_cam).mean(1)
+        both = np.isfinite(body_a + body_b).all(-1)
+        parts.append((x_a[good], x_b[good], v_b[good], focal[good], body_a[both], body_b[both]))
+    x_a, x_b, v_b, focal, body_a, body_b = (np.concatenate(c) for c in zip(*parts, strict=True))
+    one, zero = np.ones((len(x_a), 1)), np.zeros((len(x_a), 1))
+    return Correspondences(
+        np.hstack([x_a, one]), np.hstack([x_b, one]), np.hstack([v_b, zero]), focal, body_a, body_b
+    )
+
+
+def refine_pair(
+    cameras: Sequence[LiftedCamera], h: PairHypothesis, *, iterations: int = 12
+) -> PairHypothesis | None:
+    """Gauss-Newton on the robust Sampson error over rotation, direction of t and lag.
+
+    Returns
+    -------
+    PairHypothesis or None
+        With `epipolar_px` set; None where too few key points are shared or it diverged.
+    """
+    period = frame_period(cameras[h.b].stamps)
+    damping = 1e-3
+    c = correspondences(cameras, h)
+    if len(c.x_a) < _MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
+        return None
+    cost, scale = _robust_cost(h, c)
+    for _ in range(iterations):
+        trial = _step(h, c, scale, damping, max_lag_step=2.0 * period)
+        c_trial = correspondences(cameras, trial)
+        if len(c_trial.x_a) < _MIN_POINTS:
+            return None
+        if (trial_cost := _robust_cost(trial, c_trial, scale)[0]) < cost:
+            converged = cost - trial_cost < 1e-4 * cost
+            h, c, damping = trial, c_trial, damping / 5.0
+            cost, scale = _robust_cost(h, c)
+            if converged:
+                break
+        else:
+            damping *= 10.0
+            if damping > 1e3:
+                break
+    residual = sampson(hat(h.t_a_b) @ h.R_a_b, c.x_a, c.x_b) * c.focal
+    return replace(_metric_length(h, c), epipolar_px=float(np.median(np.abs(residual))))
+
+
+def _robust_cost(
+    h: PairHypothesis, c: Correspondences, scale: float | None = None
+) -> tuple[float, float]:
+    """Mean Cauchy loss in units of `scale` (its own, from the MAD, unless given)."""
+    r = sampson(hat(h.t_a_b) @ h.R_a_b, c.x_a, c.x_b) * c.focal
+    if scale is None:
+        scale = max(_NOISE_FLOOR_PX, 1.5 * 1.48 * float(np.median(np.abs(r))))
+    return float(np.log1p((r / scale) ** 2).mean()), scale
+
+
+def _step(
+    h: PairHypothesis, c: Correspondences, scale: float, damping: float, *, max_lag_step: float
+) -> PairHypothesis:
+    t = h.t_a_b / np.linalg.norm(h.t_a_b)
+    tangent = np.linalg.svd(t[None])[2][1:]
+    y = c.x_b @ h.R_a_b.T
+    t_y = np.cross(t, y)
+    numerator = (c.x_a * t_y).sum(-1)
+    E = hat(t) @ h.R_a_b
+    inverse = c.focal / _sampson_scale(t_y, c.x_a @ E)
+    J_omega = (y @ t)[:, None] * c.x_a - (c.x_a * y).sum(-1)[:, None] * t
+    J_t = np.cross(y, c.x_a) @ tangent.T
+    J_lag = (c.x_a * (c.v_b @ E.T)).sum(-1)
+    J = np.column_stack([J_omega, J_t, J_lag]) * inverse[:, None]
+    r = numerator * inverse
+    w = 1.0 / (1.0 + (r / scale) ** 2)
+    H = J.T @ (w[:, None] * J)
+    H[range(6), range(6)] *= 1.0 + damping
+    H[range(6), range(6)] += 1e-9 * np.trace(H)
+    step = -np.linalg.solve(H, J.T @ (w * r))
+    step[:3] *= min(1.0, 0.2 / max(float(np.linalg.norm(step[:3])), 1e-12))
+    t_new = t + tangent.T @ step[3:5]
+    length = float(np.linalg.norm(h.t_a_b))
+    return replace(
+        h,
+        R_a_b=exp_so3(step[:3]) @ h.R_a_b,
+        t_a_b=t_new / np.linalg.norm(t_new) * length,
+        lag_s=h.lag_s + float(np.clip(step[5], -max_lag_step, max_lag_step)),
+    )
+
+
+def _metric_length(h: PairHypothesis, c: Correspondences) -> PairHypothesis:
+    """Length and sign of t from where the monocular poses stand."""
+    t = h.t_a_b / np.linalg.norm(h.t_a_b)
+    along = (c.body_a - c.body_b @ h.R_a_b.T) @ t
+    return replace(h, t_a_b=t * float(np.median(along))) if len(along) else h

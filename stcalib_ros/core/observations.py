@@ -1,0 +1,109 @@
+"""The image points of associated persons, laid out for bundle adjustment.
+
+World time is cut at uniform knots. Every image of every camera belongs to the knot nearest
+to it by the present offsets; the rest, at most half a step, is left to the linear motion
+model ``X + phi V`` (Section IV).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core.association import Association
+from stcalib_ros.core.averaging import Rig
+from stcalib_ros.core.lift import LiftedCamera
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observations:
+    """Image points by row (one person at one knot), camera and joint.
+
+    Attributes
+    ----------
+    person, knot : (N,) ndarray of int
+        Rows are sorted by person, then knot.
+    track : (N, C) ndarray of int
+        Index of the track that the points come from; -1 where none.
+    phi : (N, C) ndarray
+        Time of the image after the knot by the offsets of the rig, seconds.
+    x : (N, C, J, 2) ndarray
+        Points on the plane z = 1; 0 where not seen.
+    focal : (N, C, J) ndarray
+        Pixels per unit of x.
+    seen : (N, C, J) ndarray of bool
+    start_s, step_s : float
+        Time of knot 0 and between knots.
+    """
+
+    person: IntArray
+    knot: IntArray
+    track: IntArray
+    phi: FloatArray
+    x: FloatArray
+    focal: FloatArray
+    seen: BoolArray
+    start_s: float
+    step_s: float
+
+
+def observe(
+    cameras: Sequence[LiftedCamera], rig: Rig, association: Association, *, step_s: float
+) -> Observations:
+    """Collect the image points of all persons that at least two cameras see at a knot."""
+    members = [cameras[c] for c in rig.cameras]
+    C = len(members)
+    J = next(t.x.shape[1] for m in members for t in m.tracks)
+    n_knots = int(np.ceil(association.person_of[0].shape[1] * association.slot_s / step_s)) + 2
+    cells = np.zeros((association.n_persons * n_knots, C), dtype=np.int64) - 1
+    table = [_images(m, rig, i, association, step_s) for i, m in enumerate(members)]
+    for c, images in enumerate(table):
+        order = np.argsort(-np.abs(images.phi), kind="stable")
+        cells[images.person[order] * n_knots + images.knot[order], c] = order
+    rows = np.flatnonzero((cells >= 0).sum(-1) >= 2)
+    N = len(rows)
+    x, focal = np.zeros((N, C, J, 2)), np.ones((N, C, J))
+    seen = np.zeros((N, C, J), dtype=bool)
+    phi, track = np.zeros((N, C)), np.full((N, C), -1, dtype=np.int64)
+    for c, images in enumerate(table):
+        there = np.flatnonzero(cells[rows, c] >= 0)
+        image = cells[rows[there], c]
+        points = images.x[image]
+        known = np.isfinite(points).all(-1)
+        seen[there, c] = known
+        x[there, c] = np.where(known[..., None], points, 0.0)
+        focal[there, c] = np.where(known, images.focal[image], 1.0)
+        phi[there, c], track[there, c] = images.phi[image], images.track[image]
+    return Observations(
+        rows // n_knots, rows % n_knots, track, phi, x, focal, seen, association.start_s, step_s
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Images:
+    person: IntArray
+    knot: IntArray
+    phi: FloatArray
+    track: IntArray
+    x: FloatArray
+    focal: FloatArray
+
+
+def _images(
+    camera: LiftedCamera, rig: Rig, i: int, association: Association, step_s: float
+) -> _Images:
+    """All images of associated persons of one camera, with the knots they belong to."""
+    parts = []
+    for p, track in enumerate(camera.tracks):
+        times = camera.stamps[track.frames] + rig.offset_s[i]
+        person = association.person_of[i][p][association.slot(times)]
+        use = person >= 0
+        elapsed = times[use] - association.start_s
+        knot = np.rint(elapsed / step_s).astype(np.int64)
+        phi = elapsed - knot * step_s
+        index = np.full(len(knot), p, dtype=np.int64)
+        parts.append((person[use], knot, phi, index, track.x[use], track.focal[use]))
+    return _Images(*(np.concatenate(column) for column in zip(*parts, strict=True)))

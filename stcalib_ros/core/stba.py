@@ -1,0 +1,335 @@
+"""Spatiotemporal bundle adjustment (Section IV).
+
+Minimises the robust reprojection error of ``X^c = X + (phi + d_c) V`` over camera poses,
+clock offsets d_c and joint positions X, with the joint velocities V read from the present
+trajectories. The points are eliminated (Schur complement), so that one step costs a batch
+of closed-form 3x3 factorisations and one matrix product.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stcalib_ros.core.averaging import Rig
+from stcalib_ros.core.geometry import exp_so3, triangulate
+from stcalib_ros.core.motion import local_cubic
+from stcalib_ros.core.observations import Observations
+from stcalib_ros.core.types import BoolArray, FloatArray
+
+_CAMERA = 7  # rotation, translation, offset
+_CAUCHY = 2.385
+_RAYLEIGH_MEDIAN = 1.17741
+_MIN_SCALE_PX = 0.5
+_NEAREST = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BundleState:
+    """Unknowns of the adjustment.
+
+    Attributes
+    ----------
+    R_cam_ref : (C, 3, 3) ndarray
+    t_cam_ref : (C, 3) ndarray
+        ``x_cam = R_cam_ref @ x_ref + t_cam_ref``; those of the reference are fixed.
+    shift_s : (C,) ndarray
+        Correction of the offsets that `Observations.phi` was computed with.
+    X : (N, J, 3) ndarray
+        Joints at the knots in the reference frame.
+    V : (N, J, 3) ndarray
+        Velocities, per second.
+    used : (N, C, J) ndarray of bool
+        Observations that take part.
+    """
+
+    R_cam_ref: FloatArray
+    t_cam_ref: FloatArray
+    shift_s: FloatArray
+    X: FloatArray
+    V: FloatArray
+    used: BoolArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedSystem:
+    """Normal equations of the cameras after the points are eliminated.
+
+    Attributes
+    ----------
+    H : (7 C, 7 C) ndarray
+        In the order rotation, translation, offset of each camera.
+    g : (7 C,) ndarray
+    """
+
+    H: FloatArray
+    g: FloatArray
+
+
+def initial_state(o: Observations, rig: Rig) -> BundleState:
+    """Triangulate everything with the poses of a rig and estimate the velocities."""
+    R_cam_ref = np.swapaxes(rig.R_ref_cam, -1, -2).copy()
+    t_cam_ref = -np.einsum("cij,cj->ci", R_cam_ref, rig.t_ref_cam)
+    X, good = triangulate(*rays(o, rig), o.seen.transpose(0, 2, 1).astype(float))
+    used = o.seen & good[:, None, :]
+    state = BundleState(
+        R_cam_ref,
+        t_cam_ref,
+        np.zeros(len(R_cam_ref)),
+        np.where(good[..., None], X, 0.0),
+        np.zeros_like(X),
+        used,
+    )
+    return with_velocities(o, state)
+
+
+def rays(o: Observations, rig: Rig) -> tuple[FloatArray, FloatArray]:
+    """Centres and unit rays (N, J, C, 3) of all observations in the reference frame."""
+    b = np.concatenate([o.x, np.ones_like(o.x[..., :1])], -1)
+    b /= np.linalg.norm(b, axis=-1, keepdims=True)
+    turned = np.einsum("cab,ncjb->njca", rig.R_ref_cam, b, optimize=True)
+    return np.broadcast_to(rig.t_ref_cam, turned.shape), turned
+
+
+def with_velocities(o: Observations, state: BundleState) -> BundleState:
+    """The state with V by a local cubic fit of the present X along each person's knots."""
+    V = np.zeros_like(state.X)
+    present = state.used.sum(1) >= 2
+    for rows in _persons(o):
+        knots = o.knot[rows] - o.knot[rows][0]
+        n = int(knots[-1]) + 1
+        X = np.zeros((n, *state.X.shape[1:]))
+        there = np.zeros(X.shape[:-1], dtype=bool)
+        X[knots], there[knots] = state.X[rows], present[rows]
+        V[rows] = local_cubic(X, there)[0][knots] / o.step_s
+    return replace(state, V=V)
+
+
+def _persons(o: Observations) -> Iterator[slice]:
+    edges = np.flatnonzero(np.diff(o.person)) + 1
+    bounds = [0, *edges.tolist(), len(o.person)]
+    for begin, end in zip(bounds, bounds[1:], strict=False):
+        if end > begin:
+            yield slice(begin, end)
+
+
+def errors_px(o: Observations, state: BundleState) -> FloatArray:
+    """Reprojection errors (N, C, J), px; NaN where nothing was seen."""
+    when = (o.phi + state.shift_s)[..., None, None]
+    X = state.X[:, None] + when * state.V[:, None]
+    Y = np.einsum("cab,ncjb->ncja", state.R_cam_ref, X, optimize=True)
+    Y += state.t_cam_ref[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        e = np.linalg.norm(Y[..., :2] / Y[..., 2:] - o.x, axis=-1) * o.focal
+    e[Y[..., 2] < _NEAREST] = np.inf
+    return np.where(o.seen & (state.used.sum(1) >= 2)[:, None], e, np.nan)
+
+
+def robust_scale(errors: FloatArray, used: BoolArray) -> float:
+    """Standard deviation (px, per axis) of the used observations, from their median."""
+    e = errors[used & np.isfinite(errors)]
+    return float(np.median(e)) / _RAYLEIGH_MEDIAN if len(e) else float("nan")
+
+
+def adjust(
+    o: Observations, state: BundleState, *, iterations: int, tolerance: float = 1e-5
+) -> BundleState:
+    """Levenberg-Marquardt on the robust cost, velocities renewed after every success.
+
+    Parameters
+    ----------
+    o : Observations
+    state : BundleState
+        Start.
+    iterations : int
+        Steps at most.
+    tolerance : float
+        Relative decrease of the cost that counts as converged.
+    """
+    damping = 1e-4
+    scale = _CAUCHY * max(robust_scale(errors_px(o, state), state.used), _MIN_SCALE_PX)
+    problem = _Problem(o, state, scale)
+    for _ in range(iterations):
+        trial = problem.step(damping)
+        if trial.cost() < problem.cost():
+            converged = problem.cost() - trial.cost() < tolerance * problem.cost()
+            state = with_velocities(o, trial.state_of(state))
+            damping = max(damping / 10.0, 1e-9)
+            if converged:
+                break
+            problem = _Problem(o, state, scale)
+        else:
+            damping *= 10.0
+            if damping > 1e4:
+                break
+    return state
+
+
+def reduced_system(o: Observations, state: BundleState) -> tuple[ReducedSystem, float]:
+    """Undamped reduced normal equations at a state, in px, and the robust noise scale (px)."""
+    sigma = max(robust_scale(errors_px(o, state), state.used), _MIN_SCALE_PX)
+    problem = _Problem(o, state, _CAUCHY * sigma)
+    return problem.reduce(0.0)[0], sigma
+
+
+class _Problem:
+    """One linearisation: arrays over (camera, component, point), points last and contiguous."""
+
+    def __init__(self, o: Observations, state: BundleState, scale: float) -> None:
+        self.o, self.scale = o, scale
+        N, C, J = o.seen.shape
+        use = state.used.transpose(1, 0, 2).reshape(C, N * J)
+        self.points = np.flatnonzero(use.sum(0) >= 2)
+        self.mask = use[:, self.points]
+        self.x = o.x.transpose(1, 3, 0, 2).reshape(C, 2, N * J)[:, :, self.points]
+        self.focal = o.focal.transpose(1, 0, 2).reshape(C, N * J)[:, self.points] * self.mask
+        self.phi = np.repeat(o.phi.T, J, axis=1)[:, self.points]
+        self.R, self.t, self.shift = state.R_cam_ref, state.t_cam_ref, state.shift_s
+        self.X = state.X.reshape(-1, 3)[self.points].T
+        self.V = state.V.reshape(-1, 3)[self.points].T
+        self._forward()
+
+    def _forward(self) -> None:
+        self.RV = self.R @ self.V
+        self.Y = self.R @ self.X + (self.phi + self.shift[:, None])[:, None] * self.RV
+        Z = self.Y + self.t[:, :, None]
+        self.ahead = Z[:, 2] > _NEAREST
+        self.inverse_depth = 1.0 / np.where(self.ahead, Z[:, 2], 1.0)
+        self.u = Z[:, :2] * self.inverse_depth[:, None]
+        self.r = (self.u - self.x) * self.focal[:, None]
+        self.squared = (self.r**2).sum(1)
+
+    def cost(self) -> float:
+        """Robust cost; a point behind its camera counts as far off."""
+        squared = np.where(self.ahead, self.squared, (1e3 * self.scale) ** 2 * self.mask)
+        return float(np.log1p(squared / self.scale**2).sum())
+
+    def _jacobians(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Weighted J_camera (C, 7, 2, P), J_point (C, 3, 2, P) and residual (C, 2, P)."""
+        root = np.sqrt(self.mask * self.ahead / (1.0 + self.squared / self.scale**2))
+        A = np.zeros((*self.u.shape[:2], 3, self.u.shape[2]))
+        gain = root * self.focal * self.inverse_depth
+        A[:, 0, 0] = A[:, 1, 1] = gain
+        A[:, :, 2] = -gain[:, None] * self.u
+        C, P = root.shape
+        G = np.empty((C, _CAMERA, 2, P))
+        Y, RV = self.Y, self.RV
+        for i in range(2):
+            G[:, 0, i] = Y[:, 1] * A[:, i, 2] - Y[:, 2] * A[:, i, 1]
+            G[:, 1, i] = Y[:, 2] * A[:, i, 0] - Y[:, 0] * A[:, i, 2]
+            G[:, 2, i] = Y[:, 0] * A[:, i, 1] - Y[:, 1] * A[:, i, 0]
+            G[:, 3:6, i] = A[:, i]
+            G[:, 6, i] = (A[:, i] * RV).sum(1)
+        B = np.einsum("cij,ckip->cjkp", self.R, A, optimize=True)
+        return G, B, self.r * root[:, None]
+
+    def reduce(
+        self, damping: float
+    ) -> tuple[ReducedSystem, FloatArray, tuple[FloatArray, ...], FloatArray]:
+        """Eliminate the points: reduced system, W (C, 7, 3, P), factors, point gradient."""
+        G, B, r = self._jacobians()
+        C, _, _, P = G.shape
+        flat = G.reshape(C, _CAMERA, 2 * P)
+        H_cc = flat @ flat.transpose(0, 2, 1)
+        g_c = (flat @ r.reshape(C, 2 * P, 1))[..., 0]
+        W = G[:, :, None, 0] * B[:, None, :, 0] + G[:, :, None, 1] * B[:, None, :, 1]
+        g_p = np.einsum("cbip,cip->bp", B, r)
+        factors = _cholesky3(np.einsum("caip,cbip->abp", B, B, optimize=True), damping)
+        T = _forward_solve(factors, np.moveaxis(W, 2, 0))
+        T_flat = np.moveaxis(T, 0, 2).reshape(C * _CAMERA, 3 * P)
+        z = _forward_solve(factors, g_p).reshape(3 * P)
+        H = -T_flat @ T_flat.T
+        for c in range(C):
+            block = slice(c * _CAMERA, (c + 1) * _CAMERA)
+            H[block, block] += H_cc[c] + damping * np.diag(np.diag(H_cc[c]))
+        return ReducedSystem(H, g_c.ravel() - T_flat @ z), W, factors, g_p
+
+    def step(self, damping: float) -> _Problem:
+        """The problem after one damped step; the reference pose and the scale stay."""
+        system, W, factors, g_p = self.reduce(damping)
+        d_camera = -solve_reduced(system, self.t)
+        right = g_p + np.einsum("cabp,ca->bp", W, d_camera, optimize=True)
+        d_point = -_backward_solve(factors, _forward_solve(factors, right))
+        trial = object.__new__(_Problem)
+        trial.__dict__.update(self.__dict__)
+        trial.R = exp_so3(d_camera[:, :3]) @ self.R
+        trial.t = self.t + d_camera[:, 3:6]
+        trial.shift = self.shift + d_camera[:, 6]
+        trial.X = self.X + d_point
+        trial._forward()
+        return trial
+
+    def state_of(self, state: BundleState) -> BundleState:
+        """A state with the unknowns of this problem, the scale put back exactly."""
+        scale = float(np.linalg.norm(state.t_cam_ref[1]) / np.linalg.norm(self.t[1]))
+        X = state.X.copy()
+        X.reshape(-1, 3)[self.points] = self.X.T
+        return replace(
+            state,
+            R_cam_ref=self.R,
+            t_cam_ref=self.t * scale,
+            shift_s=self.shift,
+            X=X * scale,
+            V=state.V * scale,
+        )
+
+
+def gauge(t_cam_ref: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Free parameters and the direction of the scale among the camera unknowns.
+
+    Returns
+    -------
+    free : (7 C - 7,) ndarray of int
+        All but those of the reference camera.
+    scale : (7 C,) ndarray
+        Unit vector along which the first baseline grows.
+    """
+    C = len(t_cam_ref)
+    scale = np.zeros(_CAMERA * C)
+    scale[_CAMERA + 3 : _CAMERA + 6] = t_cam_ref[1] / np.linalg.norm(t_cam_ref[1])
+    return np.arange(_CAMERA, _CAMERA * C), scale
+
+
+def solve_reduced(system: ReducedSystem, t_cam_ref: FloatArray) -> FloatArray:
+    """Solution (C, 7) of the reduced system with the reference and the first baseline fixed."""
+    free, scale = gauge(t_cam_ref)
+    H = system.H + 1e6 * np.diag(system.H).max() * np.outer(scale, scale)
+    H = H[np.ix_(free, free)]
+    H[range(len(H)), range(len(H))] += 1e-12 * np.trace(H)
+    out = np.zeros(len(system.g))
+    out[free] = np.linalg.solve(H, system.g[free])
+    return out.reshape(-1, _CAMERA)
+
+
+def _cholesky3(H: FloatArray, damping: float) -> tuple[FloatArray, ...]:
+    """Cholesky factors (l00, l10, l11, l20, l21, l22), each (P,), of matrices (3, 3, P)."""
+    tiny = 1e-12 * (H[0, 0] + H[1, 1] + H[2, 2]) + 1e-30
+    grow = 1.0 + damping
+    l00 = np.sqrt(H[0, 0] * grow + tiny)
+    l10, l20 = H[1, 0] / l00, H[2, 0] / l00
+    l11 = np.sqrt(np.maximum(H[1, 1] * grow + tiny - l10**2, tiny))
+    l21 = (H[2, 1] - l20 * l10) / l11
+    l22 = np.sqrt(np.maximum(H[2, 2] * grow + tiny - l20**2 - l21**2, tiny))
+    return l00, l10, l11, l20, l21, l22
+
+
+def _forward_solve(factors: tuple[FloatArray, ...], b: FloatArray) -> FloatArray:
+    """``L y = b`` for b (3, ..., P)."""
+    l00, l10, l11, l20, l21, l22 = factors
+    y = np.empty_like(b)
+    y[0] = b[0] / l00
+    y[1] = (b[1] - l10 * y[0]) / l11
+    y[2] = (b[2] - l20 * y[0] - l21 * y[1]) / l22
+    return y
+
+
+def _backward_solve(factors: tuple[FloatArray, ...], y: FloatArray) -> FloatArray:
+    """``L^T x = y`` for y (3, P)."""
+    l00, l10, l11, l20, l21, l22 = factors
+    x = np.empty_like(y)
+    x[2] = y[2] / l22
+    x[1] = (y[1] - l21 * x[2]) / l11
+    x[0] = (y[0] - l10 * x[1] - l20 * x[2]) / l00
+    return x

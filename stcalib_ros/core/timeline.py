@@ -1,0 +1,137 @@
+"""Tracks sampled on one uniform grid of times: the form in which two cameras are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core.lift import LiftedCamera, LiftedTrack
+from stcalib_ros.core.skeleton import Skeleton
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+
+_MAX_GAP = 2.6
+"""Frames further apart than this many frame periods are not bridged."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GridTracks:
+    """Oriented points and positions of one camera's tracks on the grid of `step` seconds.
+
+    Attributes
+    ----------
+    name : str
+    start : float
+        Time of sample 0, by the clock of the camera.
+    step : float
+        Seconds between samples.
+    oriented : (P, N, D, 3) ndarray of float32
+        Weight times unit bone direction v in the optical frame; 0 where unknown.
+    weight : (P, N, D) ndarray of float32
+        Square root of the bone's length; 0 where unknown.
+    position : (P, N, 3) ndarray
+        Middle of the body in the optical frame, metres; NaN where unknown.
+    """
+
+    name: str
+    start: float
+    step: float
+    oriented: FloatArray
+    weight: FloatArray
+    position: FloatArray
+
+    @property
+    def present(self) -> BoolArray:
+        """Where a track was seen, (P, N)."""
+        seen: BoolArray = np.isfinite(self.position[..., 0])
+        return seen
+
+
+def frame_period(stamps: FloatArray) -> float:
+    """Usual time between images, seconds: robust against dropped frames and jitter."""
+    return float(np.median(np.diff(stamps))) if len(stamps) > 1 else float("inf")
+
+
+def sample_camera(
+    camera: LiftedCamera, skeleton: Skeleton, *, start: float, step: float, n: int
+) -> GridTracks:
+    """Sample the tracks of a camera at ``start + step * k`` by linear interpolation."""
+    period = frame_period(camera.stamps)
+    times = start + step * np.arange(n)
+    P, D = len(camera.tracks), len(skeleton.directions)
+    oriented = np.zeros((P, n, D, 3), dtype=np.float32)
+    weight = np.zeros((P, n, D), dtype=np.float32)
+    position = np.full((P, n, 3), np.nan)
+    for p, track in enumerate(camera.tracks):
+        at = Interpolation(camera.stamps[track.frames], times, max_gap=_MAX_GAP * period)
+        joints = at(track.joints_cam)
+        body = joints_centre(joints, skeleton)
+        bones = np.einsum("dj,njk->ndk", skeleton.directions, np.nan_to_num(joints))
+        missing = np.einsum("dj,nj->nd", skeleton.directions != 0, np.isnan(joints[..., 0]))
+        length = np.linalg.norm(bones, axis=-1)
+        known = (missing == 0) & (length > 1e-6)
+        typical = np.sqrt([np.median(length[k, d]) if k.any() else 0.0 for d, k in enumerate(known.T)])
+        weight[p] = known * typical
+        oriented[p] = bones * (weight[p] / np.maximum(length, 1e-6))[..., None]
+        position[p] = body
+    return GridTracks(camera.name, start, step, oriented, weight, position)
+
+
+def joints_centre(joints: FloatArray, skeleton: Skeleton) -> FloatArray:
+    """Middle of the body (..., 3): mean of hips and shoulders, of all joints in other layouts."""
+    names = skeleton.layout.joint_names
+    trunk = [names.index(n) for n in _TRUNK if n in names] or list(range(len(names)))
+    return np.asarray(joints[..., trunk, :].mean(-2))
+
+
+_TRUNK = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
+
+
+class Interpolation:
+    """Linear interpolation of samples at irregular times, without bridging gaps.
+
+    Parameters
+    ----------
+    stamps : (F,) ndarray
+        Increasing times of the samples.
+    times : (N,) ndarray
+        Where values are wanted.
+    max_gap : float
+        Longest interval between two samples that is bridged, seconds.
+    """
+
+    def __init__(self, stamps: FloatArray, times: FloatArray, *, max_gap: float) -> None:
+        after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
+        self.before: IntArray = after - 1
+        self.after: IntArray = np.minimum(after, len(stamps) - 1)
+        interval = stamps[self.after] - stamps[self.before]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self.fraction: FloatArray = (times - stamps[self.before]) / interval
+        slack = 1e-6
+        self.inside: BoolArray = (
+            (interval <= max_gap) & (self.fraction >= -slack) & (self.fraction <= 1 + slack)
+        )
+        self.interval: FloatArray = interval
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """Values (N, ...) at the wanted times; NaN outside and in gaps."""
+        u = np.where(self.inside, self.fraction, np.nan).reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray((1 - u) * values[self.before] + u * values[self.after])
+
+    def rate(self, values: FloatArray) -> FloatArray:
+        """Time derivative (N, ...) of the interpolated values, per second."""
+        span = np.where(self.inside, self.interval, np.nan)
+        difference = values[self.after] - values[self.before]
+        return np.asarray(difference / span.reshape(-1, *[1] * (values.ndim - 1)))
+
+
+def common_step(cameras: Sequence[LiftedCamera]) -> float:
+    """Step of the grid: the frame period of the fastest camera."""
+    return min(frame_period(camera.stamps) for camera in cameras)
+
+
+def track_span(track: LiftedTrack, camera: LiftedCamera) -> tuple[float, float]:
+    """First and last time of a track by the clock of its camera."""
+    times = camera.stamps[track.frames]
+    return float(times[0]), float(times[-1])
