@@ -7,9 +7,13 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from stcalib_ros import __version__
 from stcalib_ros.core.errors import StcalibError
+
+if TYPE_CHECKING:
+    from stcalib_ros.io.bag import Decoder
 
 INTERRUPTED = 130
 
@@ -34,13 +38,15 @@ exit status:
 """
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None, *, decoder: Decoder | None = None) -> int:
     """Run ``stcalib``.
 
     Parameters
     ----------
     argv : sequence of str, optional
         Arguments without the program's name; default: those of the process.
+    decoder : callable, optional
+        Decodes the messages of bags, as `stcalib_ros.io.bag.read_bag` has it.
 
     Returns
     -------
@@ -51,6 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     argv = sys.argv[1:] if argv is None else list(argv)
     try:
         args = _parser(argv).parse_args(argv)
+        args.decoder = decoder
         args.run(args)
         sys.stdout.flush()
     except StcalibError as error:

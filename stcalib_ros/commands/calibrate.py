@@ -81,7 +81,13 @@ def run(args: argparse.Namespace) -> None:
     config = _config(args)
     progress = ProgressPrinter(None if args.quiet else sys.stderr)
     try:
-        recording = read_bag(args.bag, selection=config.selection, progress=progress, warn=warn)
+        recording = read_bag(
+            args.bag,
+            selection=config.selection,
+            progress=progress,
+            decoder=args.decoder,
+            warn=warn,
+        )
         calibration = calibrate(recording, config.options, progress=progress)
     finally:
         progress.close()
