@@ -1,0 +1,1 @@
+"""The ROS 2 side; its modules need rclpy and the messages that colcon builds."""

@@ -1,0 +1,194 @@
+"""ROS messages to core records and back; the one place that knows the message classes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Quaternion
+from rclpy.serialization import deserialize_message
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
+
+from stcalib_ros.core.types import (
+    Calibration,
+    CameraCalibration,
+    Intrinsics,
+    PairResidual,
+    PersonAssociation,
+)
+from stcalib_ros.io.messages import camera_info_fields, lens
+from stcalib_ros.io.schemas import CAMERA_INFO, POSES
+from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, PersonPose3DArray, TimeOffset
+from stcalib_ros.msg import PairResidual as PairResidualMessage
+from stcalib_ros.msg import PersonAssociation as PersonAssociationMessage
+
+_NS = 1_000_000_000
+_CLASSES = {POSES: PersonPose3DArray, CAMERA_INFO: CameraInfo}
+
+
+def decode(type_name: str, data: bytes) -> Any:
+    """Message from its CDR bytes by ROS's own deserialiser; a decoder for `io.bag.read_bag`.
+
+    Parameters
+    ----------
+    type_name : str
+        ``stcalib_ros/msg/PersonPose3DArray`` or ``sensor_msgs/msg/CameraInfo``.
+    data : bytes
+    """
+    return deserialize_message(data, _CLASSES[type_name])
+
+
+def camera_info_to_intrinsics(message: CameraInfo, *, rectified: bool, topic: str) -> Intrinsics:
+    """Lens for the pixels of the published image, binning and region of interest included.
+
+    Parameters
+    ----------
+    message : sensor_msgs.msg.CameraInfo
+    rectified : bool
+        The key points are in the rectified image.
+    topic : str
+        For error messages.
+
+    Raises
+    ------
+    InputError
+        The camera is not calibrated, or its lens model is unknown; the message names the topic.
+    """
+    return lens(camera_info_fields(message), rectified=rectified, topic=topic)
+
+
+def time_message(stamp_s: float) -> Time:
+    """Stamp from Unix seconds, to the nanosecond that a float64 can tell; NaN gives zero."""
+    if not math.isfinite(stamp_s):
+        return Time()
+    whole, fraction = divmod(stamp_s, 1.0)
+    carry, nanosec = divmod(round(fraction * _NS), _NS)
+    return Time(sec=int(whole) + carry, nanosec=nanosec)
+
+
+def calibration_result(
+    calibration: Calibration,
+    *,
+    run_id: str,
+    stamp: Time,
+    frame_rates: Mapping[str, float] | None = None,
+) -> CalibrationResult:
+    """Message that carries all of a calibration.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    run_id : str
+        Names the run.
+    stamp : builtin_interfaces.msg.Time
+        When the calibration was made.
+    frame_rates : mapping of str to float, optional
+        Images per second by camera name, for ``TimeOffset.offset_frames``; NaN without.
+
+    Returns
+    -------
+    stcalib_ros.msg.CalibrationResult
+        Poses are T_ref_cam.
+    """
+    window_start, window_end = map(time_message, calibration.window_s)
+    return CalibrationResult(
+        header=_header(calibration, stamp),
+        run_id=run_id,
+        status=int(calibration.status),
+        message=calibration.message,
+        extrinsics=extrinsics_messages(calibration, stamp=stamp),
+        time_offsets=time_offset_messages(calibration, stamp=stamp, frame_rates=frame_rates),
+        persons=[_person(p) for p in calibration.persons],
+        pairs=[_pair(p) for p in calibration.pairs],
+        reprojection_rms_px=calibration.reprojection_rms_px,
+        n_observations=calibration.n_observations,
+        n_inliers=calibration.n_inliers,
+        window_start=window_start,
+        window_end=window_end,
+        joint_covariance=calibration.joint_covariance.ravel().tolist(),
+        parameter_order=list(calibration.parameter_order),
+    )
+
+
+def extrinsics_messages(calibration: Calibration, *, stamp: Time) -> list[CameraExtrinsics]:
+    """Poses T_ref_cam of all calibrated cameras, the reference included."""
+    header = _header(calibration, stamp)
+    return [
+        CameraExtrinsics(
+            header=header,
+            camera=camera.name,
+            child_frame_id=camera.frame_id,
+            pose=_pose(camera),
+            metric=calibration.metric,
+        )
+        for camera in calibration.cameras
+    ]
+
+
+def time_offset_messages(
+    calibration: Calibration,
+    *,
+    stamp: Time,
+    frame_rates: Mapping[str, float] | None = None,
+) -> list[TimeOffset]:
+    """Clocks of all calibrated cameras; parameters as of `calibration_result`."""
+    header = _header(calibration, stamp)
+    epoch = time_message(calibration.epoch_s)
+    rates = frame_rates or {}
+    return [
+        TimeOffset(
+            header=header,
+            camera=camera.name,
+            reference=calibration.reference,
+            offset_s=camera.time_offset_s,
+            offset_stddev_s=camera.time_offset_stddev_s,
+            skew=camera.clock_skew,
+            skew_stddev=camera.clock_skew_stddev,
+            epoch=epoch,
+            offset_frames=camera.time_offset_s * rates.get(camera.name, math.nan),
+        )
+        for camera in calibration.cameras
+    ]
+
+
+def _header(calibration: Calibration, stamp: Time) -> Header:
+    frames = {c.name: c.frame_id for c in calibration.cameras}
+    return Header(stamp=stamp, frame_id=frames.get(calibration.reference, ""))
+
+
+def _pose(camera: CameraCalibration) -> PoseWithCovariance:
+    x, y, z = map(float, camera.t_ref_cam)
+    qx, qy, qz, qw = map(float, Rotation.from_matrix(camera.R_ref_cam).as_quat())
+    return PoseWithCovariance(
+        pose=Pose(
+            position=Point(x=x, y=y, z=z),
+            orientation=Quaternion(x=qx, y=qy, z=qz, w=qw),
+        ),
+        covariance=np.ascontiguousarray(camera.covariance, dtype=np.float64).ravel(),
+    )
+
+
+def _person(person: PersonAssociation) -> PersonAssociationMessage:
+    seen = [(camera, track) for camera, tracks in person.tracks.items() for track in tracks]
+    return PersonAssociationMessage(
+        person_id=person.person_id,
+        cameras=[camera for camera, _ in seen],
+        track_ids=[track for _, track in seen],
+        reprojection_rms_px=person.reprojection_rms_px,
+        margin=person.margin,
+    )
+
+
+def _pair(pair: PairResidual) -> PairResidualMessage:
+    return PairResidualMessage(
+        camera_a=pair.camera_a,
+        camera_b=pair.camera_b,
+        n_matches=pair.n_matches,
+        median_angle_rad=pair.median_angle_rad,
+        epipolar_rms_px=pair.epipolar_rms_px,
+    )
