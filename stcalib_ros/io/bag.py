@@ -27,7 +27,7 @@ from stcalib_ros.io.messages import (
     format_stamp,
     pose_image,
 )
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES, require_same_schema
+from stcalib_ros.io.schemas import CAMERA_INFO, POSES, require_same_schema, schema_text
 from stcalib_ros.io.topics import CameraSelection, SelectedCamera, select_cameras
 
 Progress = Callable[[str, float], None]
@@ -77,28 +77,27 @@ def read_bag(
     schemas = topic_schemas(files)
     cameras = select_cameras(_types_by_topic(path, schemas), selection or CameraSelection())
     _require_readable(schemas, cameras)
-    contents = _Contents(cameras, decoder or _PlainDecoder(schemas))
+    contents = _Contents(cameras, decoder or _PlainDecoder())
     topics = frozenset(topic for c in cameras for topic in (c.pose_topic, c.info_topic))
     contents.collect(raw_messages(files, topics), progress or _no_progress)
     return assemble_recording(contents.cameras(path, warn), warn=warn)
 
 
 class _PlainDecoder:
-    """Decodes without ROS, by the definitions in the bag."""
+    """Decodes without ROS."""
 
-    def __init__(self, schemas: Iterable[TopicSchema]) -> None:
+    def __init__(self) -> None:
         factory = DecoderFactory()
-        self._decoders: dict[str, Callable[[bytes], Any] | None] = {}
-        for number, s in enumerate(schemas, start=1):
-            if s.type_name in (POSES, CAMERA_INFO):
-                schema = Schema(number, s.schema, s.schema_encoding, s.type_name)
-                self._decoders[s.type_name] = factory.decoder_for(s.encoding, schema)
+        self._decoders: dict[str, Callable[[bytes], Any]] = {}
+        for number, kind in enumerate((POSES, CAMERA_INFO), start=1):
+            schema = Schema(number, schema_text(kind).encode(), "ros2msg", kind)
+            decode = factory.decoder_for("cdr", schema)
+            if decode is None:
+                raise RuntimeError(f"the installed mcap-ros2-support does not decode {kind}")
+            self._decoders[kind] = decode
 
     def __call__(self, type_name: str, data: bytes) -> Any:
-        decode = self._decoders[type_name]
-        if decode is None:
-            raise InputError(f"no way to decode {type_name}")
-        return decode(data)
+        return self._decoders[type_name](data)
 
 
 class _Contents:
@@ -183,7 +182,7 @@ def _types_by_topic(path: Path | str, schemas: Sequence[TopicSchema]) -> dict[st
 
 
 def _require_readable(schemas: Iterable[TopicSchema], cameras: Iterable[SelectedCamera]) -> None:
-    """Demand encodings that we read, and our own definitions, on the topics of the cameras."""
+    """Demand encodings that we read, and definitions that are ours, of the cameras' topics."""
     wanted = {topic for c in cameras for topic in (c.pose_topic, c.info_topic)}
     for s in schemas:
         if s.topic not in wanted:
@@ -197,8 +196,7 @@ def _require_readable(schemas: Iterable[TopicSchema], cameras: Iterable[Selected
             text = s.schema.decode()
         except UnicodeDecodeError as error:
             raise InputError(f"{s.topic}: the definition of {s.type_name} is no text") from error
-        if s.type_name == POSES:
-            require_same_schema(s.topic, s.type_name, text)
+        require_same_schema(s.topic, s.type_name, text)
 
 
 def _no_progress(_stage: str, _fraction: float) -> None:

@@ -115,9 +115,10 @@ def convert_npz(path: Path | str, options: ConvertOptions | None = None) -> Conv
 
 def _load(path: Path) -> dict[str, NDArray[Any]]:
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise InputError(f"{path} holds a single array, not named arrays (.npz)")
+        archive = np.load(path, allow_pickle=False)
+        if isinstance(archive, np.ndarray):
+            raise InputError(f"{path} holds a single array, not named arrays (.npz)")
+        with archive:
             arrays = {name: archive[name] for name in archive.files}
     except FileNotFoundError:
         raise InputError(f"no such file: {path}") from None
@@ -132,7 +133,23 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
             f"{path} has no 3D poses (det_kp3d): the calibration needs the monocular 3D pose of "
             "every detection; run a lifter on its 2D poses first"
         )
+    _require_shapes(path, arrays)
     return arrays
+
+
+def _require_shapes(path: Path, arrays: Arrays) -> None:
+    shapes: dict[str, tuple[int, ...]]
+    C, F = len(arrays["camera_names"]), len(arrays["frame_number"])
+    N, J = len(arrays["det_frame"]), len(arrays["kp_names"])
+    shapes = {"image_size": (C, 2), "K": (C, 3, 3), "R": (C, 3, 3), "t": (C, 3)}
+    shapes |= dict.fromkeys(("det_frame", "det_camera", "det_track", "det_person"), (N,))
+    shapes |= dict.fromkeys(("det_kp2d", "det_kp3d"), (N, J, 3))
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise InputError(f"{path}: {name} has shape {arrays[name].shape}, expected {shape}")
+    for name, end in (("det_camera", C), ("det_frame", F)):
+        if N and not (arrays[name].min() >= 0 and arrays[name].max() < end):
+            raise InputError(f"{path}: {name} must be indices from 0 to {end - 1}")
 
 
 def _require_cameras(path: Path, names: list[str], options: ConvertOptions) -> None:

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-import yaml
 from mcap.reader import McapReader, NonSeekingReader, make_reader
 from mcap.records import Channel, Schema
 from mcap.stream_reader import StreamReader
 
 from stcalib_ros.core.errors import InputError, StcalibError
+from stcalib_ros.io.yaml_files import read_yaml
 
 _MAGIC = b"\x89MCAP0\r\n"
 _SQLITE = b"SQLite format 3"
@@ -201,12 +201,7 @@ def _listed_files(folder: Path, metadata: Path) -> tuple[Path, ...]:
 
 
 def _bag_information(metadata: Path) -> Mapping[str, Any]:
-    try:
-        content = yaml.safe_load(metadata.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read {metadata}: {error.strerror or error}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{metadata} is no YAML: {' '.join(str(error).split())}") from error
+    content = read_yaml(metadata)
     info = content.get(_INFO) if isinstance(content, Mapping) else None
     if not isinstance(info, Mapping):
         raise InputError(f"{metadata} is no rosbag2 metadata: it has no {_INFO}")

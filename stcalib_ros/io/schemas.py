@@ -93,12 +93,14 @@ def _difference(theirs: list[str], ours: list[str]) -> list[str]:
 
 
 def _blocks(schema_name: str, text: str) -> dict[str, list[str]]:
-    """Fields by type name, without comments and with single spaces."""
+    """Fields by type name, without comments, with single spaces."""
     top, *others = re.split(r"^={3,}\s*$", text, flags=re.MULTILINE)
-    blocks = {_short(schema_name): _fields(top)}
+    name = _short(schema_name)
+    blocks = {name: _fields(name, top)}
     for block in others:
         head, _, body = block.strip().partition("\n")
-        blocks[_short(head.removeprefix("MSG:").strip())] = _fields(body)
+        name = _short(head.removeprefix("MSG:").strip())
+        blocks[name] = _fields(name, body)
     return blocks
 
 
@@ -106,6 +108,12 @@ def _short(type_name: str) -> str:
     return type_name.replace("/msg/", "/")
 
 
-def _fields(text: str) -> list[str]:
+def _fields(owner: str, text: str) -> list[str]:
+    """Fields of the type `owner`, their types with package."""
     lines = (re.sub(r"\s+", " ", line.split("#", 1)[0]).strip() for line in text.splitlines())
-    return [re.sub(r" ?= ?", "=", line) for line in lines if line]
+    package = owner.partition("/")[0]
+    return [
+        re.sub(r"^(?=[A-Z]\w*[ \[])", f"{package}/", _short(re.sub(r" ?= ?", "=", line)))
+        for line in lines
+        if line
+    ]

@@ -1,0 +1,162 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from stcalib_ros.cli import main
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.layouts import LAYOUTS
+from stcalib_ros.io.bag import read_bag
+from stcalib_ros.io.convert import ConvertOptions, convert_npz
+from stcalib_ros.io.results import read_result
+
+JOINTS = LAYOUTS["h36m_17"].joint_names
+
+
+def source(**changes: Any) -> dict[str, Any]:
+    """Two cameras, four frames, three detections a frame; camera b has one row less."""
+    rng = np.random.default_rng(0)
+    frame, camera, track = (a.ravel() for a in np.meshgrid(range(4), [0, 1], [4, 6], indexing="ij"))
+    keep = (frame > 0) | (camera == 0) | (track == 4)
+    frame, camera, track = frame[keep], camera[keep], track[keep]
+    person = np.where(track == 4, camera, -1)
+    kp2d = rng.uniform(1, 400, (len(frame), 17, 3)).astype(np.float32)
+    kp2d[0, 2] = 0.0
+    return {
+        "camera_names": np.array(["a", "b"]),
+        "image_size": np.array([[640, 480], [320, 240]]),
+        "K": np.tile([[500.0, 0, 320], [0, 510, 240], [0, 0, 1]], (2, 1, 1)),
+        "dist": np.zeros((2, 5)),
+        "R": Rotation.from_rotvec([[0.1, 0.2, 0.3], [0.5, -0.4, 1.0]]).as_matrix(),
+        "t": np.array([[0.1, 0.2, 3.0], [-0.5, 0.3, 4.0]]),
+        "fps": np.array(20.0),
+        "frame_number": np.array([10, 11, 12, 14]),
+        "det_frame": frame,
+        "det_camera": camera,
+        "det_track": track,
+        "det_person": person,
+        "det_kp2d": kp2d,
+        "kp_names": np.array(JOINTS),
+        "det_kp3d": rng.normal(size=(len(frame), 17, 3)).astype(np.float32),
+        "kp3d_names": np.array(JOINTS),
+    } | changes
+
+
+def save(path: Path, arrays: dict[str, Any]) -> Path:
+    np.savez(path, **{k: v for k, v in arrays.items() if v is not None})
+    return path
+
+
+def test_recording(tmp_path: Path) -> None:
+    arrays = source()
+    recording, _ = convert_npz(save(tmp_path / "s.npz", arrays), ConvertOptions({"b": -0.25}))
+    a, b = recording.cameras
+    assert recording.epoch_ns == 1_759_999_999 * 10**9
+    np.testing.assert_allclose(a.stamps, 1.0 + np.array([0, 0.05, 0.1, 0.2]))
+    np.testing.assert_allclose(b.stamps, 0.75 + np.array([0, 0.05, 0.1, 0.2]))
+    assert a.layout is LAYOUTS["h36m_17"]
+    assert a.metric
+    assert (b.intrinsics.width, b.intrinsics.height) == (320, 240)
+    assert [t.track_id for t in b.tracks] == [4, 6]
+    assert b.tracks[1].frames.tolist() == [1, 2, 3]
+    rows = np.flatnonzero((arrays["det_camera"] == 1) & (arrays["det_track"] == 6))
+    np.testing.assert_array_equal(b.tracks[1].joints, arrays["det_kp3d"][rows])
+    np.testing.assert_array_equal(b.tracks[1].scores, arrays["det_kp2d"][rows, :, 2])
+
+
+def test_undetected_is_nan(tmp_path: Path) -> None:
+    recording, _ = convert_npz(save(tmp_path / "s.npz", source()))
+    track = recording.cameras[0].tracks[0]
+    assert np.isnan(track.keypoints[0, 2]).all()
+    assert track.scores[0, 2] == 0.0
+    assert np.isnan(track.keypoints).sum() == 2
+
+
+def test_truth_maps_cameras_and_clocks_to_the_first_camera(tmp_path: Path) -> None:
+    arrays = source()
+    shifts = {"a": 0.1, "b": 0.4}
+    recording, truth = convert_npz(save(tmp_path / "s.npz", arrays), ConvertOptions(shifts))
+    assert truth.reference == "a"
+    x_world = np.array([0.3, -0.2, 0.7])
+    x_a, x_b = (arrays["R"][c] @ x_world + arrays["t"][c] for c in (0, 1))
+    b = truth.cameras[1]
+    np.testing.assert_allclose(b.R_ref_cam @ x_b + b.t_ref_cam, x_a)
+    t_ref, t_cam = (c.stamps for c in recording.cameras)
+    np.testing.assert_allclose(t_cam + b.time_offset_s, t_ref)
+    assert b.time_offset_s == -0.3
+    assert [(p.person_id, dict(p.tracks)) for p in truth.persons] == [
+        (0, {"a": (4,)}),
+        (1, {"b": (4,)}),
+    ]
+
+
+def test_command_writes_bag_and_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = save(tmp_path / "s.npz", source())
+    bag, truth = tmp_path / "out.mcap", tmp_path / "truth.yaml"
+    arguments = [str(path), str(bag), "--truth", str(truth), "--offset", "b=-0.25"]
+    assert main(["convert", *arguments, "--fps", "40"]) == 0
+    assert "2 cameras, 8 images" in capsys.readouterr().out
+    recording = read_bag(bag)
+    np.testing.assert_allclose(recording.cameras[1].stamps[1:] - 0.75, [0.025, 0.05, 0.1])
+    assert read_result(truth).cameras[1].time_offset_s == 0.25
+
+
+@pytest.mark.parametrize(
+    ("changes", "arguments", "message"),
+    [
+        ({"det_kp3d": None}, [], "has no 3D poses (det_kp3d)"),
+        ({"K": None, "R": None}, [], "no multi-view file: it lacks K, R"),
+        ({"fps": np.array(np.nan)}, [], "frame rate is nan; give it with --fps"),
+        ({}, ["--fps", "0"], "frame rate is 0.0"),
+        ({}, ["--offset", "c=1"], "offset of c: no such camera; "),
+        ({}, ["--offset", "b=inf"], "offset of b must be a number of seconds"),
+        ({}, ["--layout", "mine"], "unknown layout 'mine'"),
+        ({}, ["--layout", "coco_19"], "'coco_19' has 19 joints, the poses of"),
+        ({"camera_names": np.array(["a", "a"])}, [], "two cameras with one name: a"),
+        ({"det_track": np.zeros(3)}, [], "det_track has shape (3,), expected (15,)"),
+        ({"det_kp3d": np.zeros((15, 16, 3))}, [], "det_kp3d has shape (15, 16, 3), expected"),
+        ({"det_camera": np.full(15, 2)}, [], "det_camera must be indices from 0 to 1"),
+        ({"kp3d_names": np.array(JOINTS[::-1])}, [], "2D and 3D poses have different joints"),
+    ],
+)
+def test_unusable_source(
+    tmp_path: Path,
+    changes: dict[str, Any],
+    arguments: list[str],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = save(tmp_path / "s.npz", source(**changes))
+    assert main(["convert", str(path), str(tmp_path / "out.mcap"), *arguments]) == 2
+    assert message in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["s.npz"]
+
+
+@pytest.mark.parametrize("text", ["b", "b=", "=1", "b=x"])
+def test_unusable_offset(tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["convert", "s.npz", str(tmp_path / "o.mcap"), "--offset", text])
+    assert caught.value.code == 2
+    assert "expected CAM=SECONDS" in capsys.readouterr().err
+
+
+def test_no_archive(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        convert_npz(tmp_path / "s.npz")
+    (tmp_path / "s.npz").write_text("no archive")
+    with pytest.raises(InputError, match=r"no readable \.npz file"):
+        convert_npz(tmp_path / "s.npz")
+    np.save(tmp_path / "s.npy", np.zeros(3))
+    with pytest.raises(InputError, match="single array"):
+        convert_npz(tmp_path / "s.npy")
+
+
+def test_other_joints_come_in_by_name(tmp_path: Path) -> None:
+    names = np.array([f"j{i}" for i in range(17)])
+    path = save(tmp_path / "s.npz", source(kp_names=names, kp3d_names=names))
+    recording, _ = convert_npz(path)
+    assert recording.cameras[0].layout.joint_names == tuple(names)

@@ -1,0 +1,194 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import bag_helpers as bags
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from scipy.spatial.transform import Rotation
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.types import (
+    Calibration,
+    CameraCalibration,
+    PairResidual,
+    PersonAssociation,
+    Status,
+    UncalibratedCamera,
+)
+from stcalib_ros.io.results import read_result, result_text, write_result
+
+number = st.floats(-1e9, 1e9)
+any_number = st.floats(allow_nan=True, allow_infinity=True)
+
+
+def calibration(numbers: list[float], rotation: Rotation, margin: float = math.inf) -> Calibration:
+    """A calibration of two cameras made of 70 numbers."""
+    a = np.resize(np.array(numbers), 70)
+    lenses = [c.intrinsics for c in bags.small_recording(rectified=True).cameras]
+    cameras = tuple(
+        CameraCalibration(
+            name=f"cam{c}",
+            frame_id=f"frame {c}",
+            intrinsics=lens,
+            R_ref_cam=rotation.as_matrix() if c else np.eye(3),
+            t_ref_cam=c * a[:3],
+            covariance=c * a[3:39].reshape(6, 6),
+            time_offset_s=float(a[40]),
+            time_offset_stddev_s=float(a[41]),
+            clock_skew=float(a[42]),
+            clock_skew_stddev=math.nan,
+        )
+        for c, lens in enumerate(lenses)
+    )
+    return Calibration(
+        status=Status.OK,
+        message="Two cameras: süß, # and all.",
+        reference="cam0",
+        metric=False,
+        epoch_s=float(a[43]),
+        window_s=(float(a[44]), float(a[45])),
+        cameras=cameras,
+        uncalibrated=(UncalibratedCamera("cam2", "nobody in common: 'x'"),),
+        persons=(
+            PersonAssociation(0, {"cam0": (3,), "cam1": (7, 12)}, 1.9, margin),
+            PersonAssociation(1, {}, math.nan),
+        ),
+        pairs=(PairResidual("cam0", "cam1", 2, float(a[46]), math.nan),),
+        reprojection_rms_px=float(a[47]),
+        n_observations=100,
+        n_inliers=90,
+        joint_covariance=a[50:66].reshape(4, 4),
+        parameter_order=("cam1.x", "cam1.y", "cam1.z", "cam1.time_offset_s"),
+    )
+
+
+def assert_same(a: Calibration, b: Calibration) -> None:
+    for name in a.__slots__:
+        if name not in ("cameras", "joint_covariance"):
+            assert repr(getattr(a, name)) == repr(getattr(b, name)), name
+    np.testing.assert_array_equal(a.joint_covariance, b.joint_covariance)
+    for x, y in zip(a.cameras, b.cameras, strict=True):
+        for name in x.__slots__:
+            if name == "R_ref_cam":
+                np.testing.assert_allclose(x.R_ref_cam, y.R_ref_cam, atol=1e-15)
+            elif name == "intrinsics":
+                assert repr(x.intrinsics) == repr(y.intrinsics)
+            else:
+                np.testing.assert_array_equal(getattr(x, name), getattr(y, name))
+
+
+@settings(
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    numbers=st.lists(number, min_size=1, max_size=70),
+    q=st.tuples(*[st.floats(0.1, 1)] * 4),
+    margin=any_number,
+)
+def test_round_trip(tmp_path: Path, numbers: list[float], q: list[float], margin: float) -> None:
+    written = calibration(numbers, Rotation.from_quat(q), margin)
+    write_result(written, tmp_path / "out.yaml")
+    assert_same(written, read_result(tmp_path / "out.yaml"))
+
+
+def test_file_says_which_way_transforms_point() -> None:
+    text = result_text(calibration([1.0], Rotation.identity()))
+    assert "x_ref = R x_cam + translation" in text
+    assert "t_ref = t_cam + time_offset_s + clock_skew * (t_cam - epoch_s)" in text
+
+
+def test_form_of_the_interface() -> None:
+    content = yaml.safe_load(result_text(calibration([0.5], Rotation.identity())))
+    assert content["format"] == "stcalib/1"
+    assert content["status"] == "OK"
+    assert content["uncalibrated"] == {"cam2": "nobody in common: 'x'"}
+    camera = content["cameras"]["cam1"]
+    assert camera["rotation"] == [0.0, 0.0, 0.0, 1.0]
+    assert (len(camera["translation"]), len(camera["covariance"])) == (3, 36)
+    assert set(camera["intrinsics"]) == {"width", "height", "model", "k", "d", "r"}
+    assert content["persons"][0]["tracks"] == {"cam0": [3], "cam1": [7, 12]}
+    assert content["persons"][0]["margin"] == math.inf
+
+
+MINIMAL = """\
+format: stcalib/1
+status: OK
+reference: cam0
+metric: true
+epoch_s: 10
+cameras:
+  cam0:
+    rotation: [0, 0, 0, 1]
+    translation: [0, 0, 0]
+    time_offset_s: 1e-3
+    intrinsics: {width: 640, height: 480, model: plumb_bob, k: [1, 0, 2, 0, 1, 2, 0, 0, 1], d: []}
+"""
+
+
+def test_what_may_be_missing(tmp_path: Path) -> None:
+    (tmp_path / "truth.yaml").write_text(MINIMAL)
+    truth = read_result(tmp_path / "truth.yaml")
+    (camera,) = truth.cameras
+    assert camera.frame_id == "cam0_optical_frame"
+    assert camera.time_offset_s == 0.001
+    assert camera.clock_skew == 0.0
+    assert np.isnan(camera.covariance).all()
+    assert truth.window_s == (10.0, 10.0)
+    assert (truth.persons, truth.pairs, truth.uncalibrated) == ((), (), ())
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("stcalib/1", "stcalib/9", r"format is 'stcalib/9'; this version reads stcalib/1"),
+        ("format: stcalib/1\n", "", r"out\.yaml: format is missing"),
+        ("status: OK", "status: FINE", r"status: expected one of OK, DEGENERATE, .*got 'FINE'"),
+        ("metric: true", "metric: 1", r"metric: expected true or false, got 1"),
+        ("epoch_s: 10", "epoch_s: soon", r"epoch_s: expected a number, got 'soon'"),
+        ("reference: cam0", "reference: [a]", r"reference: expected text"),
+        ("[0, 0, 0, 1]", "[0, 0, 0]", r"cameras\.cam0\.rotation: expected 4 numbers"),
+        ("[0, 0, 0, 1]", "[0, 0, 0, 2]", r"rotation: expected a unit quaternion x, y, z, w"),
+        ("translation: [0, 0, 0]", "translation: 3", r"translation: expected a list"),
+        ("translation: [0, 0, 0]", "translation: [0, .nan, 0]", r"expected finite numbers"),
+        ("    time_offset_s: 1e-3\n", "", r"cam0\.time_offset_s is missing"),
+        ("plumb_bob", "fisheye", r"model: expected one of plumb_bob, "),
+        ("width: 640", "width: wide", r"width: expected a whole number"),
+        ("cameras:", "cameras: 3\nx:", r"cameras: expected a mapping, got 3"),
+        ("metric: true", "metric: true\nmetric: true", r"'metric' is given twice"),
+        ("metric: true", "pairs: [{cameras: [a]}]\nmetric: true", r"expected two names, got 1"),
+        (
+            "metric: true",
+            "persons: [{id: 1.5}]\nmetric: true",
+            r"persons\[0\]\.id: expected a",
+        ),
+        ("metric: true", "metric: [1, 2", r"no valid YAML"),
+        ("metric: true", "joint_covariance: [[1, 2]]\nmetric: true", r"expected 1 numbers"),
+    ],
+)
+def test_unusable_file(tmp_path: Path, before: str, after: str, message: str) -> None:
+    assert before in MINIMAL
+    (tmp_path / "out.yaml").write_text(MINIMAL.replace(before, after))
+    with pytest.raises(InputError, match=message) as caught:
+        read_result(tmp_path / "out.yaml")
+    assert "\n" not in str(caught.value)
+    assert "out.yaml" in str(caught.value)
+
+
+def test_no_such_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        read_result(tmp_path / "out.yaml")
+    with pytest.raises(InputError, match="cannot read"):
+        read_result(tmp_path)
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="is no text file"):
+        read_result(tmp_path / "binary")
+
+
+def test_unwritable(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot write"):
+        write_result(calibration([1.0], Rotation.identity()), tmp_path / "none" / "out.yaml")
