@@ -100,7 +100,7 @@ def demo() -> Section:
     truth = read_result(folder / "balance_truth.yaml")
     outcome = run_calibration(read_bag(folder / "balance.mcap"))
     run = judged(outcome, truth, name="demo", seed=0, fps=_DEMO_FPS, bounds={})
-    rows = (Row("solved", "no" if run.failure else "yes", "yes", not run.failure),)
+    rows: tuple[Row, ...] = (Row("solved", "no" if run.failure else "yes", "yes", not run.failure),)
     if run.evaluation is not None and outcome.calibration is not None:
         seen_by_all = [p for p in truth.persons if len(p.tracks) == len(truth.cameras)]
         names = [camera.name for camera in truth.cameras]
@@ -146,7 +146,7 @@ def _followed(scenario: Scenario, runs: Iterable[Run], n_scenes: int) -> list[Ru
 def _distribution(name: str, values: Sequence[float], limit: float | None, judged_by: str) -> Row:
     figures = {
         "median": float(np.median(values)),
-        "p90": float(np.percentile(values, 90)),
+        "p90": float(np.percentile(values, 90, method="nearest")),
         "max": float(np.max(values)),
     }
     text = "  ".join(f"{key} {value:.3g}" for key, value in figures.items())

@@ -223,11 +223,17 @@ def _scale(ours: _Expressed, right: _Expressed, names: Sequence[str]) -> tuple[f
     """Estimated over true distance of the first two cameras, and the true distance."""
     baseline = float(np.linalg.norm(right.t_ref_cam[1] - right.t_ref_cam[0]))
     estimated = float(np.linalg.norm(ours.t_ref_cam[1] - ours.t_ref_cam[0]))
-    if baseline == 0 or estimated == 0:
+    if min(_share(baseline, right), _share(estimated, ours)) < 1e-9:
         raise InputError(
             f"cameras {names[0]!r} and {names[1]!r} are at one place: they give no scale"
         )
     return estimated / baseline, baseline
+
+
+def _share(distance: float, poses: _Expressed) -> float:
+    """Size of a distance beside the largest from the reference; 0 if all are at one place."""
+    largest = float(np.linalg.norm(poses.t_ref_cam, axis=-1).max())
+    return distance / largest if largest > 0 else 0.0
 
 
 def _centre_errors(ours: FloatArray, right: FloatArray) -> FloatArray:

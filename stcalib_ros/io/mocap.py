@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -41,6 +42,6 @@ def read_clip(path: Path) -> MotionClip:
     try:
         with np.load(path, allow_pickle=False) as arrays:
             joints, fps = np.asarray(arrays["pose17"], dtype=float), float(arrays["fps"])
-    except (OSError, KeyError, ValueError) as error:
+    except (OSError, EOFError, KeyError, ValueError, BadZipFile) as error:
         raise InputError(f"{path}: not a motion clip: {error}") from error
     return MotionClip(path.stem, fps, joints, any(word in path.stem for word in _LOCOMOTION))

@@ -24,6 +24,7 @@ from stcalib_ros.core.types import (
 )
 
 _EPOCH_NS = 1_760_000_000 * 10**9
+_OWNER_SHARE = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,11 +176,13 @@ def _truth(
 
 
 def _associations(seen: Sequence[Sightings]) -> tuple[PersonAssociation, ...]:
-    """Tracks by person; a track with exchanged ids belongs to whom it shows most of the time."""
+    """Tracks by person; a track with exchanged ids belongs to all whom it shows for long."""
     tracks: dict[int, dict[str, tuple[int, ...]]] = {}
     for sightings in seen:
         for track_id, persons in sightings.track_persons.items():
-            owner = tracks.setdefault(int(np.bincount(persons).argmax()), {})
-            name = sightings.camera.name
-            owner[name] = (*owner.get(name, ()), track_id)
+            frames_of = np.bincount(persons)
+            for person in np.flatnonzero(frames_of >= _OWNER_SHARE * len(persons)):
+                own = tracks.setdefault(int(person), {})
+                name = sightings.camera.name
+                own[name] = (*own.get(name, ()), track_id)
     return tuple(PersonAssociation(p, tracks[p], float("nan")) for p in sorted(tracks))
