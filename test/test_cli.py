@@ -1,0 +1,359 @@
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import stcalib_ros
+from stcalib_ros.cli import main
+from stcalib_ros.commands import calibrate as command
+from stcalib_ros.commands import simulate as simulate_command
+from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text
+from stcalib_ros.core.errors import CalibrationError, Cancelled
+from stcalib_ros.core.options import Options
+from stcalib_ros.core.synthetic import SceneOptions
+from stcalib_ros.core.types import Calibration, Recording, Status, UncalibratedCamera
+from stcalib_ros.io.bag import read_bag
+from stcalib_ros.io.results import read_result, write_result
+
+DEMO = Path(stcalib_ros.__file__).parent / "data" / "demo"
+BAG, TRUTH = str(DEMO / "balance.mcap"), str(DEMO / "balance_truth.yaml")
+COMMANDS = ("calibrate", "evaluate", "simulate", "convert")
+
+Solver = Callable[..., Calibration]
+
+
+def stcalib(*arguments: str, **settings: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "stcalib_ros", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        **settings,
+    )
+
+
+@pytest.fixture
+def solve(monkeypatch: pytest.MonkeyPatch) -> Callable[[Solver], None]:
+    """Put a solver in the place of the real one."""
+    return lambda solver: monkeypatch.setattr(command, "calibrate", solver)
+
+
+def truth(**changes: Any) -> Calibration:
+    return dataclasses.replace(read_result(TRUTH), **changes)
+
+
+def found(recording: Recording, options: Options, *, progress: Any) -> Calibration:
+    for stage in ("lifting", "solving"):
+        for fraction in (0.0, 0.5, 1.0):
+            progress(stage, fraction)
+    return truth(message="Found.", uncalibrated=(UncalibratedCamera("cam05", "saw nobody"),))
+
+
+def test_help_is_quick_since_it_imports_little() -> None:
+    code = (
+        "import sys\nfrom stcalib_ros.cli import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit as end:\n    assert end.code == 0\n"
+        "assert not {'numpy', 'scipy', 'cv2', 'mcap', 'yaml'} & set(sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert all(name in done.stdout for name in COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_of_a_command(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main([name, "--help"])
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    assert f"stcalib {name} " in text
+    assert "exit status:" in text
+
+
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["calibrate", BAG], ["evaluate", TRUTH]])
+def test_unusable_arguments(arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+
+
+def test_calibrate(
+    tmp_path: Path, solve: Callable[[Solver], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    solve(found)
+    assert main(["calibrate", BAG, "--output", str(tmp_path / "out.yaml")]) == 0
+    assert read_result(tmp_path / "out.yaml").message == "Found."
+    assert [p.name for p in tmp_path.iterdir()] == ["out.yaml"]
+    out, err = capsys.readouterr()
+    assert err.splitlines() == ["reading the bag", "lifting", "solving"]
+    assert "4 of 5 cameras calibrated on 3 persons" in out
+    assert "-317.00 +- 0.00 ms" in out
+    assert "NOT calibrated: cam05: saw nobody" in out
+    assert "T_ref_cam" in out
+    assert "t_ref = t_cam + offset" in out
+    assert f"Written to {tmp_path / 'out.yaml'}" in out
+
+
+def test_quiet(
+    tmp_path: Path, solve: Callable[[Solver], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    solve(found)
+    assert main(["calibrate", BAG, "-o", str(tmp_path / "out.yaml"), "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_arguments_take_precedence_over_the_configuration(
+    tmp_path: Path, solve: Callable[[Solver], None]
+) -> None:
+    seen: list[tuple[list[str], Options]] = []
+
+    def look(recording: Recording, options: Options, *, progress: Any) -> Calibration:
+        seen.append(([c.name for c in recording.cameras], options))
+        return truth()
+
+    solve(look)
+    config = tmp_path / "config.yaml"
+    config.write_text("{seed: 5, offset_range_s: 1.5, reference: cam01, cameras: [cam03, cam01]}")
+    arguments = ["calibrate", BAG, "-o", str(tmp_path / "out.yaml"), "-c", str(config)]
+    assert main([*arguments, "--seed", "9", "--reference", "cam03"]) == 0
+    names, options = seen[0]
+    assert names == ["cam03", "cam01"]
+    assert (options.seed, options.offset_range_s, options.reference) == (9, 1.5, "cam03")
+
+
+def test_rejected_calibration(
+    tmp_path: Path, solve: Callable[[Solver], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    solve(lambda *_, **__: truth(status=Status.DEGENERATE, message="Nobody moves."))
+    output = tmp_path / "out.yaml"
+    output.write_text("old")
+    assert main(["calibrate", BAG, "--output", str(output), "--quiet"]) == 3
+    assert output.read_text() == "old"
+    rejected = tmp_path / "out.rejected.yaml"
+    assert read_result(rejected).status is Status.DEGENERATE
+    assert capsys.readouterr().err == (
+        "stcalib: no trustworthy calibration (DEGENERATE): Nobody moves. "
+        f"(what was found, not to be used, is in {rejected})\n"
+    )
+
+
+def test_rejected_without_poses(tmp_path: Path, solve: Callable[[Solver], None]) -> None:
+    solve(lambda *_, **__: truth(status=Status.INSUFFICIENT_DATA, cameras=()))
+    assert main(["calibrate", BAG, "--output", str(tmp_path / "out.yaml")]) == 3
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [(CalibrationError("no way"), 3), (Cancelled("stopped"), 3), (KeyboardInterrupt(), 130)],
+)
+def test_failure(
+    tmp_path: Path,
+    solve: Callable[[Solver], None],
+    error: BaseException,
+    status: int,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def fail(*_: object, **__: object) -> Calibration:
+        raise error
+
+    solve(fail)
+    assert main(["calibrate", BAG, "--output", str(tmp_path / "out.yaml"), "--quiet"]) == status
+    assert capsys.readouterr().err == f"stcalib: {str(error) or 'interrupted'}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_output_is_tried_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing = str(tmp_path / "missing.mcap")
+    for output, reason in (
+        (tmp_path, "it is a folder; name a file"),
+        (tmp_path / "no" / "out.yaml", "no such folder"),
+        (Path("/proc/out.yaml"), "choose another folder"),
+    ):
+        assert main(["calibrate", missing, "--output", str(output)]) == 2
+        error = capsys.readouterr().err
+        assert error.startswith(f"stcalib: cannot write {output}: ")
+        assert reason in error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "stcalib_ros", "calibrate", BAG, "-o", str(tmp_path / "out.yaml")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    assert process.stderr.readline() == "reading the bag\n"
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err.splitlines()[-1] == "stcalib: interrupted"
+    assert "Traceback" not in err
+    assert out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_closed_pipe_is_no_error() -> None:
+    done = stcalib("evaluate", TRUTH, "--truth", TRUTH)
+    assert done.returncode == 0
+    process = subprocess.Popen(
+        [sys.executable, "-m", "stcalib_ros", "evaluate", TRUTH, "--truth", TRUTH],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    process.stderr.close()
+    process.wait(timeout=60)
+
+
+def test_evaluate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cameras = list(truth().cameras)
+    cameras[2] = dataclasses.replace(cameras[2], time_offset_s=cameras[2].time_offset_s + 0.03)
+    write_result(truth(cameras=tuple(cameras)), tmp_path / "out.yaml")
+    arguments = ["evaluate", str(tmp_path / "out.yaml"), "--truth", TRUTH]
+    assert main(arguments) == 0
+    text = capsys.readouterr().out
+    assert "E_delta  10.00 ms\n" in text
+    assert "100.0% of 13 matches" in text
+    assert main([*arguments, "--fps", "60"]) == 0
+    assert "E_delta  10.00 ms (0.600 frames)\n" in capsys.readouterr().out
+    assert main([*arguments, "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert values["E_delta_s"] == pytest.approx(0.01)
+    assert values["E_R"] == pytest.approx(0.0)
+    assert values["E_delta"] is None
+    assert values["precision"] == 1.0
+    assert [c["name"] for c in values["cameras"]] == ["cam01", "cam02", "cam03", "cam04"]
+
+
+def test_evaluate_a_rejected_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_result(truth(status=Status.NOT_CONVERGED), tmp_path / "out.yaml")
+    assert main(["evaluate", str(tmp_path / "out.yaml"), "--truth", TRUTH]) == 0
+    assert "not to be used: its status is NOT_CONVERGED" in capsys.readouterr().err
+
+
+def test_evaluate_unusable_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["evaluate", str(tmp_path / "a.yaml"), "--truth", TRUTH]) == 2
+    assert "no such file" in capsys.readouterr().err
+    write_result(truth(cameras=truth().cameras[:1]), tmp_path / "a.yaml")
+    assert main(["evaluate", str(tmp_path / "a.yaml"), "--truth", TRUTH]) == 2
+    assert "two cameras in common" in capsys.readouterr().err
+
+
+def test_every_option_of_a_scene_is_an_argument() -> None:
+    assert set(simulate_command._HELP) == {f.name for f in dataclasses.fields(SceneOptions)}
+
+
+RIG = {
+    "cameras": [
+        {
+            "name": name,
+            "image_size": [640, 480],
+            "K": [[500, 0, 320], [0, 500, 240], [0, 0, 1]],
+            "dist": [0, 0, 0, 0, 0],
+            "R": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]).tolist(),
+            "t": [x, 1.5, 5.0],
+        }
+        for name, x in (("left", -1.0), ("right", 1.0))
+    ]
+}
+
+
+def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "rig.json").write_text(json.dumps(RIG))
+    arguments = ["--rig", str(tmp_path / "rig.json"), "--n-frames", "12", "--seed", "4"]
+    arguments += ["--fps", "30", "25", "--sigma-px", "0", "--lifter-mm", "10", "20", "--occlusions"]
+    for name in ("a", "b"):
+        bag, answer = str(tmp_path / f"{name}.mcap"), str(tmp_path / f"{name}.yaml")
+        assert main(["simulate", bag, "--truth", answer, *arguments]) == 0
+    assert "Written to" in capsys.readouterr().out
+    recording = read_bag(tmp_path / "a.mcap")
+    assert [c.name for c in recording.cameras] == ["left", "right"]
+    assert np.diff(recording.cameras[1].stamps) == pytest.approx(0.04)
+    assert [c.name for c in read_result(tmp_path / "a.yaml").cameras] == ["left", "right"]
+    for suffix in ("mcap", "yaml"):
+        first, second = (tmp_path / f"{name}.{suffix}" for name in ("a", "b"))
+        assert first.read_bytes() == second.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--n-people", "0"], "n_people must be at least 1, got 0"),
+        (["--fps", "30", "25"], "2 rates for 4 cameras"),
+        (["--rig", "missing.json"], "cannot read missing.json"),
+        (["--rig", TRUTH], "is no camera rig"),
+        (["--missing", "1.5"], "missing must be a share"),
+    ],
+)
+def test_simulate_unusable(
+    tmp_path: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", str(tmp_path / "a.mcap"), *arguments]) == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bag_folder_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", str(tmp_path), "--n-frames", "5"]) == 2
+    assert "it exists; remove it or name another" in capsys.readouterr().err
+
+
+class Terminal:
+    def __init__(self) -> None:
+        self.text = ""
+
+    def isatty(self) -> bool:
+        return True
+
+    def write(self, text: str) -> None:
+        self.text += text
+
+    def flush(self) -> None:
+        pass
+
+
+def test_progress_on_a_terminal_is_one_line() -> None:
+    terminal: Any = Terminal()
+    progress = ProgressPrinter(terminal)
+    for fraction in (0.0, 0.001, 0.5, 1.0):
+        progress("solving", fraction)
+    progress.close()
+    assert "\n" not in terminal.text
+    shown = terminal.text.split("\r\x1b[K")
+    assert shown[1:] == [
+        "[........................] solving",
+        "[############............] solving",
+        "[########################] solving",
+        "",
+    ]
+
+
+def test_text_without_scale_and_with_drift() -> None:
+    cameras = list(truth().cameras)
+    cameras[1] = dataclasses.replace(
+        cameras[1], clock_skew=2.5e-5, covariance=np.full((6, 6), math.nan)
+    )
+    text = calibration_text(truth(metric=False, cameras=tuple(cameras)))
+    assert "position x y z [baselines]" in text
+    assert "+25.00 ppm" in text
+    assert "distances between the first two cameras" in text
