@@ -9,7 +9,7 @@ from typing import TextIO
 import numpy as np
 
 from stcalib_ros.core.geometry import rotation_angle
-from stcalib_ros.core.types import Calibration, CameraCalibration
+from stcalib_ros.core.types import Calibration, CameraCalibration, FloatArray
 
 _BAR = 24
 
@@ -110,40 +110,47 @@ def _cameras(calibration: Calibration) -> str:
 
 
 def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
-    looks_along = camera.R_ref_cam[:, 2]
-    turned = f"{float(np.degrees(rotation_angle(camera.R_ref_cam))):.1f} deg"
     position = _triple(camera.t_ref_cam, 3)
+    looks_along = _triple(camera.R_ref_cam[:, 2], 2)
+    turned = f"{float(np.degrees(rotation_angle(camera.R_ref_cam))):.1f} deg"
     if camera.name == reference:
-        return (camera.name, position, _triple(looks_along, 2), turned, "reference")
+        return (camera.name, position, looks_along, turned, "reference")
     variances = np.maximum(np.diag(camera.covariance), 0.0)
-    position_std = float(np.sqrt(variances[:3].sum()))
-    angle_std = float(np.degrees(np.sqrt(variances[3:].sum())))
-    offset = f"{_signed(camera.time_offset_s * 1e3)} +- {camera.time_offset_stddev_s * 1e3:.2f} ms"
+    offset = f"{camera.time_offset_s * 1e3:+.2f} ms"
+    offset += _plus_minus(camera.time_offset_stddev_s * 1e3, 2)
     if camera.clock_skew:
-        offset += f", {_signed(camera.clock_skew * 1e6)} ppm"
+        offset += f", {camera.clock_skew * 1e6:+.2f} ppm"
+        offset += _plus_minus(camera.clock_skew_stddev * 1e6, 2)
     return (
         camera.name,
-        f"{position} +- {position_std:.3f}",
-        _triple(looks_along, 2),
-        f"{turned} +- {angle_std:.2f}",
+        position + _plus_minus(np.sqrt(variances[:3].sum()), 3),
+        looks_along,
+        turned + _plus_minus(np.degrees(np.sqrt(variances[3:].sum())), 2),
         offset,
     )
 
 
-def _triple(values: np.ndarray, digits: int) -> str:
+def _plus_minus(stddev: float, digits: int) -> str:
+    return f" +- {stddev:.{digits}f}" if np.isfinite(stddev) else ""
+
+
+def _triple(values: FloatArray, digits: int) -> str:
     return " ".join(f"{v + 0.0:{digits + 4}.{digits}f}" for v in np.round(values, digits))
 
 
-def _signed(value: float) -> str:
-    return f"{value:+.2f}"
-
-
 def _persons(calibration: Calibration) -> str:
-    names = [c.name for c in calibration.cameras]
-    rows = [("person", *(f"track in {n}" for n in names), "reprojection", "next best")]
+    rows = [("person", "tracks", "reprojection", "next best assignment")]
     for person in calibration.persons:
-        tracks = [", ".join(map(str, person.tracks.get(n, ()))) or "-" for n in names]
+        tracks = "  ".join(
+            f"{name}: {' '.join(map(str, ids))}" for name, ids in person.tracks.items()
+        )
         rms = person.reprojection_rms_px
-        margin = f"{person.margin:.1f} x worse" if np.isfinite(person.margin) else "none"
-        rows.append((str(person.person_id), *tracks, f"{rms:.2f} px", margin))
+        rows.append(
+            (
+                str(person.person_id),
+                tracks,
+                f"{rms:.2f} px" if np.isfinite(rms) else "-",
+                f"{person.margin:.1f} x worse" if np.isfinite(person.margin) else "-",
+            )
+        )
     return table(rows)
