@@ -7,12 +7,10 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from mcap.records import Schema
-from mcap_ros2.decoder import DecoderFactory
-
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.types import Recording
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
+from stcalib_ros.io.decode import decode
 from stcalib_ros.io.mcap_source import (
     RawMessage,
     TopicSchema,
@@ -27,7 +25,7 @@ from stcalib_ros.io.messages import (
     format_stamp,
     pose_image,
 )
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES, require_same_schema, schema_text
+from stcalib_ros.io.schemas import POSES, require_same_schema
 from stcalib_ros.io.topics import CameraSelection, SelectedCamera, select_cameras
 
 Progress = Callable[[str, float], None]
@@ -77,27 +75,10 @@ def read_bag(
     schemas = topic_schemas(files)
     cameras = select_cameras(_types_by_topic(path, schemas), selection or CameraSelection())
     _require_readable(schemas, cameras)
-    contents = _Contents(cameras, decoder or _PlainDecoder())
+    contents = _Contents(cameras, decoder or decode)
     topics = frozenset(topic for c in cameras for topic in (c.pose_topic, c.info_topic))
     contents.collect(raw_messages(files, topics), progress or _no_progress)
     return assemble_recording(contents.cameras(path, warn), warn=warn)
-
-
-class _PlainDecoder:
-    """Decodes without ROS."""
-
-    def __init__(self) -> None:
-        factory = DecoderFactory()
-        self._decoders: dict[str, Callable[[bytes], Any]] = {}
-        for number, kind in enumerate((POSES, CAMERA_INFO), start=1):
-            schema = Schema(number, schema_text(kind).encode(), "ros2msg", kind)
-            decode = factory.decoder_for("cdr", schema)
-            if decode is None:
-                raise RuntimeError(f"the installed mcap-ros2-support does not decode {kind}")
-            self._decoders[kind] = decode
-
-    def __call__(self, type_name: str, data: bytes) -> Any:
-        return self._decoders[type_name](data)
 
 
 class _Contents:

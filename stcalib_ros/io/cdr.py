@@ -1,4 +1,4 @@
-"""Common Data Representation, little-endian: the bytes of a ROS 2 message."""
+"""Common Data Representation: the bytes of a ROS 2 message."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stcalib_ros.core.types import FloatArray
+
 _HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian
 
 
 class CdrWriter:
-    """Appends the fields of one message in their order.
+    """Appends the fields of one message in their order, little-endian.
 
     Examples
     --------
@@ -79,3 +81,79 @@ class CdrWriter:
 
     def _align(self, size: int) -> None:
         self._out += bytes(-(len(self._out) - len(_HEADER)) % size)
+
+
+class CdrReader:
+    """Takes the fields of one message in their order.
+
+    Parameters
+    ----------
+    data : bytes
+        With the encapsulation header, of either endianness.
+
+    Raises
+    ------
+    ValueError, struct.error
+        The data are not plain CDR, or end before the message does (here and in every method).
+    """
+
+    def __init__(self, data: bytes) -> None:
+        if len(data) < len(_HEADER) or data[0] != 0 or data[1] > 1:
+            raise ValueError(f"no plain CDR: it begins with {data[:4]!r}")
+        self._data = data
+        self._at = len(_HEADER)
+        self._order = "<" if data[1] else ">"
+
+    def boolean(self) -> bool:
+        """Take a ``bool``."""
+        return bool(self._unpack("B", 1))
+
+    def int32(self) -> int:
+        """Take an ``int32``."""
+        return int(self._unpack("i", 4))
+
+    def uint32(self) -> int:
+        """Take a ``uint32``."""
+        return int(self._unpack("I", 4))
+
+    def float32(self) -> float:
+        """Take a ``float32``."""
+        return self._unpack("f", 4)
+
+    def string(self) -> str:
+        """Take a ``string``."""
+        length = self.uint32()
+        encoded = self._data[self._at : self._at + length]
+        if len(encoded) < length:
+            raise ValueError(f"a string of {length} bytes does not fit into the message")
+        self._at += length
+        return encoded.rstrip(b"\x00").decode()
+
+    def strings(self) -> list[str]:
+        """Take a ``string[]``."""
+        return [self.string() for _ in range(self.uint32())]
+
+    def float32s(self) -> FloatArray:
+        """Take a ``float32[]``."""
+        return self._array("f4", 4, self.uint32())
+
+    def float64s(self, fixed: int | None = None) -> FloatArray:
+        """Take a ``float64[]``, or a ``float64[N]`` of N = `fixed`."""
+        return self._array("f8", 8, self.uint32() if fixed is None else fixed)
+
+    def _array(self, kind: str, size: int, count: int) -> FloatArray:
+        if count == 0:
+            return np.zeros(0)
+        self._align(size)
+        values = np.frombuffer(self._data, self._order + kind, count, self._at)
+        self._at += size * count
+        return values.astype(np.float64)
+
+    def _unpack(self, form: str, size: int) -> float:
+        self._align(size)
+        (value,) = struct.unpack_from(self._order + form, self._data, self._at)
+        self._at += size
+        return float(value) if form == "f" else int(value)
+
+    def _align(self, size: int) -> None:
+        self._at += -(self._at - len(_HEADER)) % size

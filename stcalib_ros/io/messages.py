@@ -1,11 +1,12 @@
 """From messages to numbers: one conversion for bags and for live topics.
 
-The messages are duck-typed: what ``mcap-ros2-support`` decodes and what rclpy decodes give the
+The messages are duck-typed: what `stcalib_ros.io.decode` decodes and what rclpy decodes give the
 same numbers.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -121,9 +122,7 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
         rectified=bool(message.rectified),
         metric=bool(message.metric),
         track_ids=np.array([p.track_id for p in persons], dtype=np.int64),
-        scores=np.nan_to_num(
-            np.array([p.score for p in persons], dtype=np.float64), nan=0.0, posinf=0.0, neginf=0.0
-        ),
+        scores=np.array([p.score if math.isfinite(p.score) else 0.0 for p in persons]),
         keypoints=_observed(keypoints),
         joints=_observed(joints),
         joint_scores=np.where(np.isfinite(scores), scores, 0.0),

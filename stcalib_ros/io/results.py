@@ -162,26 +162,26 @@ class _Entry:
 
     def __init__(self, value: Any, path: str, separator: str = ".") -> None:
         self.value = value
-        self._path = path
+        self.path = path
         self._separator = separator
 
     def get(self, key: str, default: Any = None) -> _Entry:
         """Entry of a mapping; an error if it is missing and has no default."""
         value = self._mapping().get(key, default)
-        entry = _Entry(value, f"{self._path}{self._separator}{key}")
+        entry = _Entry(value, f"{self.path}{self._separator}{key}")
         if value is None:
-            raise InputError(f"{entry._path} is missing")
+            raise InputError(f"{entry.path} is missing")
         return entry
 
     def items(self) -> list[tuple[str, _Entry]]:
         """Entries of a mapping by name."""
-        return [(str(k), _Entry(v, f"{self._path}.{k}")) for k, v in self._mapping().items()]
+        return [(str(k), _Entry(v, f"{self.path}.{k}")) for k, v in self._mapping().items()]
 
     def elements(self) -> list[_Entry]:
         """Entries of a list."""
         if not isinstance(self.value, list):
             raise self._expected("a list")
-        return [_Entry(v, f"{self._path}[{i}]") for i, v in enumerate(self.value)]
+        return [_Entry(v, f"{self.path}[{i}]") for i, v in enumerate(self.value)]
 
     def text(self) -> str:
         """Text; a number where a name is wanted is one, too."""
@@ -249,7 +249,7 @@ class _Entry:
     def _expected(self, what: str) -> InputError:
         shown = repr(self.value)
         shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
-        return InputError(f"{self._path}: expected {what}, got {shown}")
+        return InputError(f"{self.path}: expected {what}, got {shown}")
 
 
 def _camera(name: str, entry: _Entry) -> CameraCalibration:
@@ -293,7 +293,7 @@ def _person(entry: _Entry) -> PersonAssociation:
 def _pair(entry: _Entry) -> PairResidual:
     cameras = entry.get("cameras").elements()
     if len(cameras) != 2:
-        raise InputError(f"{entry._path}.cameras: expected two names, got {len(cameras)}")
+        raise InputError(f"{entry.path}.cameras: expected two names, got {len(cameras)}")
     return PairResidual(
         camera_a=cameras[0].text(),
         camera_b=cameras[1].text(),
