@@ -16,7 +16,7 @@ from stcalib_ros.core.synthetic.skeleton import N_JOINTS, individual_lengths
 from stcalib_ros.core.types import FloatArray
 
 _SAMPLES_PER_S = 60
-_LOCOMOTION_SHARE = 0.65
+_LOCOMOTION_SHARE = 0.4
 
 PEOPLE = ("mocap", "procedural", "standing", "gesturing")
 """Kinds of motion there are."""
