@@ -332,11 +332,12 @@ class Terminal:
         pass
 
 
-def test_progress_on_a_terminal_is_one_line() -> None:
+def test_progress_on_a_terminal_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     terminal: Any = Terminal()
     progress = ProgressPrinter(terminal)
     for fraction in (0.0, 0.001, 0.5, 1.0):
         progress("solving", fraction)
+    progress.warn("odd")
     progress.close()
     assert "\n" not in terminal.text
     shown = terminal.text.split("\r\x1b[K")
@@ -346,6 +347,7 @@ def test_progress_on_a_terminal_is_one_line() -> None:
         "[########################] solving",
         "",
     ]
+    assert capsys.readouterr().err == "stcalib: warning: odd\n"
 
 
 def test_text_without_scale_and_with_drift() -> None:

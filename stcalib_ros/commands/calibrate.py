@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
-from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text, warn
+from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text
 from stcalib_ros.core.errors import CalibrationError, InputError
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.types import Calibration, Status
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> None:
             selection=config.selection,
             progress=progress,
             decoder=args.decoder,
-            warn=warn,
+            warn=progress.warn,
         )
         calibration = calibrate(recording, config.options, progress=progress)
     finally:

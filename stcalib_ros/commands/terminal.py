@@ -43,6 +43,11 @@ class ProgressPrinter:
             self._shown = stage
             print(stage, file=self._stream, flush=True)
 
+    def warn(self, message: str) -> None:
+        """Print a warning without disturbing the line."""
+        self.close()
+        warn(message)
+
     def close(self) -> None:
         """Take the line away."""
         if self._live and self._shown:
