@@ -135,14 +135,15 @@ def _clocks(rng: np.random.Generator, options: SceneOptions, n_cameras: int) -> 
 def _truth(
     rig: Rig, clocks: Sequence[Clock], seen: Sequence[Sightings], epoch_ns: int
 ) -> Calibration:
-    R_ref_world, centres = rig.R_cam_world[0], rig.centres_world
-    t_ref_cam = centres @ R_ref_world.T + rig.t_cam_world[0]
+    R_ref_cam = rig.R_cam_world[0] @ rig.R_cam_world.swapaxes(1, 2)
+    t_ref_cam = rig.centres_world @ rig.R_cam_world[0].T + rig.t_cam_world[0]
+    R_ref_cam[0], t_ref_cam[0] = np.eye(3), 0.0
     cameras = tuple(
         CameraCalibration(
             name=name,
             frame_id=f"{name}_optical_frame",
             intrinsics=rig.intrinsics[c],
-            R_ref_cam=R_ref_world @ rig.R_cam_world[c].T,
+            R_ref_cam=R_ref_cam[c],
             t_ref_cam=t_ref_cam[c],
             covariance=np.zeros((6, 6)),
             time_offset_s=clocks[c].offset_s,
