@@ -8,7 +8,7 @@ from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _GAP_S = 2.0
 _MEMORY_S = 0.5
-_COVERED = 0.65
+_COVERED = 0.8
 
 
 def missing_stretches(
