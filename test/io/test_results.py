@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import contextlib
 import math
+import random
 from pathlib import Path
 
 import bag_helpers as bags
@@ -192,3 +194,24 @@ def test_no_such_file(tmp_path: Path) -> None:
 def test_unwritable(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot write"):
         write_result(calibration([1.0], Rotation.identity()), tmp_path / "none" / "out.yaml")
+
+
+def test_changed_bytes_never_give_another_error(tmp_path: Path) -> None:
+    content = result_text(calibration([0.25, 1.5], Rotation.identity())).encode()
+    rng = random.Random(3)
+    for _ in range(60):
+        changed = bytearray(content)
+        for _ in range(3):
+            changed[rng.randrange(len(content))] = rng.choice(b"\x00\xff:[]{}- \n'\"&*!%@`#0aZ.")
+        (tmp_path / "out.yaml").write_bytes(changed)
+        with contextlib.suppress(InputError):
+            read_result(tmp_path / "out.yaml")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "3", "- 1", "a: &a [*a]", "? [1]\n: 2", "2020-01-01", "&a {x: *a}"]
+)
+def test_other_yaml(tmp_path: Path, text: str) -> None:
+    (tmp_path / "out.yaml").write_text(text)
+    with pytest.raises(InputError):
+        read_result(tmp_path / "out.yaml")
