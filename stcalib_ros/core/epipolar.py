@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stcalib_ros.core.geometry import exp_so3, hat
+from stcalib_ros.core.geometry import exp_so3, hat, log_so3
 from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.timeline import Interpolation, frame_period
@@ -22,6 +22,11 @@ _MAX_POINTS = 2500
 _MIN_POINTS = 60
 _MAX_GAP = 2.6
 _NOISE_FLOOR_PX = 3.0
+_PRIOR_ROTATION = 0.1
+_PRIOR_DIRECTION = 0.2
+"""Standard deviations (rad) of the registration by bone directions and body positions."""
+_CORRELATED = 20
+"""Key points that carry one independent measurement between them: joints of one body, frame after frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,16 +116,17 @@ def refine_pair(
     c = correspondences(cameras, h)
     if len(c.x_a) < _MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
         return None
-    cost, scale = _robust_cost(h, c)
+    start = h
+    cost, scale = _cost(h, c, start)
     for _ in range(iterations):
-        trial = _step(h, c, scale, damping, max_lag_step=2.0 * period)
+        trial = _step(h, c, start, scale, damping, max_lag_step=2.0 * period)
         c_trial = correspondences(cameras, trial)
         if len(c_trial.x_a) < _MIN_POINTS:
             return None
-        if (trial_cost := _robust_cost(trial, c_trial, scale)[0]) < cost:
+        if (trial_cost := _cost(trial, c_trial, start, scale)[0]) < cost:
             converged = cost - trial_cost < 1e-4 * cost
             h, c, damping = trial, c_trial, damping / 5.0
-            cost, scale = _robust_cost(h, c)
+            cost, scale = _cost(h, c, start)
             if converged:
                 break
         else:
@@ -131,49 +137,70 @@ def refine_pair(
     return replace(_metric_length(h, c), epipolar_px=float(np.median(np.abs(residual))))
 
 
-def _robust_cost(
-    h: PairHypothesis, c: Correspondences, scale: float | None = None
+def _cost(
+    h: PairHypothesis, c: Correspondences, start: PairHypothesis, scale: float | None = None
 ) -> tuple[float, float]:
-    """Mean Cauchy loss in units of `scale` (its own, from the MAD, unless given)."""
+    """Cauchy loss in units of `scale` (its own, from the MAD, unless given) plus the prior."""
     r = sampson(hat(h.t_a_b) @ h.R_a_b, c.x_a, c.x_b) * c.focal
     if scale is None:
         scale = max(_NOISE_FLOOR_PX, 1.5 * 1.48 * float(np.median(np.abs(r))))
-    return float(np.log1p((r / scale) ** 2).mean()), scale
+    data = float(np.log1p((r / scale) ** 2).mean()) * len(r) / _CORRELATED
+    turned, moved = _prior_residuals(h, start)
+    return data + float(turned @ turned + moved @ moved), scale
+
+
+def _prior_residuals(h: PairHypothesis, start: PairHypothesis) -> tuple[FloatArray, FloatArray]:
+    turned = log_so3(h.R_a_b @ start.R_a_b.T) / _PRIOR_ROTATION
+    moved = (_unit(h.t_a_b) - _unit(start.t_a_b)) / _PRIOR_DIRECTION
+    return turned, moved
+
+
+def _unit(v: FloatArray) -> FloatArray:
+    return np.asarray(v / np.linalg.norm(v))
 
 
 def _step(
-    h: PairHypothesis, c: Correspondences, scale: float, damping: float, *, max_lag_step: float
+    h: PairHypothesis,
+    c: Correspondences,
+    start: PairHypothesis,
+    scale: float,
+    damping: float,
+    *,
+    max_lag_step: float,
 ) -> PairHypothesis:
-    t = h.t_a_b / np.linalg.norm(h.t_a_b)
+    t = _unit(h.t_a_b)
     tangent = np.linalg.svd(t[None])[2][1:]
     y = c.x_b @ h.R_a_b.T
     t_y = np.cross(t, y)
-    numerator = (c.x_a * t_y).sum(-1)
     E = hat(t) @ h.R_a_b
-    inverse = c.focal / _sampson_scale(t_y, c.x_a @ E)
+    inverse = c.focal / _sampson_scale(t_y, c.x_a @ E) / scale
     J_omega = (y @ t)[:, None] * c.x_a - (c.x_a * y).sum(-1)[:, None] * t
     J_t = np.cross(y, c.x_a) @ tangent.T
     J_lag = (c.x_a * (c.v_b @ E.T)).sum(-1)
     J = np.column_stack([J_omega, J_t, J_lag]) * inverse[:, None]
-    r = numerator * inverse
-    w = 1.0 / (1.0 + (r / scale) ** 2)
+    r = (c.x_a * t_y).sum(-1) * inverse
+    w = 1.0 / (1.0 + r**2) / _CORRELATED
+    turned, moved = _prior_residuals(h, start)
     H = J.T @ (w[:, None] * J)
+    g = J.T @ (w * r)
+    H[range(5), range(5)] += np.repeat([_PRIOR_ROTATION**-2, _PRIOR_DIRECTION**-2], [3, 2])
+    g[:3] += turned / _PRIOR_ROTATION
+    g[3:5] += tangent @ moved / _PRIOR_DIRECTION
     H[range(6), range(6)] *= 1.0 + damping
-    H[range(6), range(6)] += 1e-9 * np.trace(H)
-    step = -np.linalg.solve(H, J.T @ (w * r))
+    H[range(6), range(6)] += 1e-12 * np.trace(H)
+    step = -np.linalg.solve(H, g)
     step[:3] *= min(1.0, 0.2 / max(float(np.linalg.norm(step[:3])), 1e-12))
-    t_new = t + tangent.T @ step[3:5]
     length = float(np.linalg.norm(h.t_a_b))
     return replace(
         h,
         R_a_b=exp_so3(step[:3]) @ h.R_a_b,
-        t_a_b=t_new / np.linalg.norm(t_new) * length,
+        t_a_b=_unit(t + tangent.T @ step[3:5]) * length,
         lag_s=h.lag_s + float(np.clip(step[5], -max_lag_step, max_lag_step)),
     )
 
 
 def _metric_length(h: PairHypothesis, c: Correspondences) -> PairHypothesis:
     """Length and sign of t from where the monocular poses stand."""
-    t = h.t_a_b / np.linalg.norm(h.t_a_b)
+    t = _unit(h.t_a_b)
     along = (c.body_a - c.body_b @ h.R_a_b.T) @ t
     return replace(h, t_a_b=t * float(np.median(along))) if len(along) else h

@@ -22,7 +22,7 @@ _SAME_ROTATION = 0.15
 _SAME_LAG = 3
 _LAG_REFIT = 4
 _POSITION_TOLERANCE = 0.35
-_RELATIVE_POSITION_TOLERANCE = 0.08
+_BODY_SIZE_RANGE = 1.25
 _MAX_MEDIAN_SAMPLES = 96
 
 
@@ -166,9 +166,8 @@ class _Vote:
         pairs = np.argwhere(gain > 0)
         if not len(pairs):
             return (), R, np.zeros(3), 0.0
-        t, distance = self._translations(R, int(self.cov.lags[lag]), pairs)
-        tolerance = np.maximum(_POSITION_TOLERANCE, _RELATIVE_POSITION_TOLERANCE * distance)
-        agree = np.linalg.norm(t[:, None] - t[None], axis=-1) < tolerance
+        t = self._translations(R, int(self.cov.lags[lag]), pairs)
+        agree = _apart(t) < _POSITION_TOLERANCE
         strength = gain[tuple(pairs.T)]
         flat = np.ravel_multi_index(tuple(pairs.T), gain.shape)
         votes = np.where(agree, strength, -np.inf)
@@ -179,25 +178,36 @@ class _Vote:
             return (), R, np.zeros(3), 0.0
         p, q = pairs[rows].T
         R_a_b = best_rotation(self.cov.S[p, q, lag].sum(0))
-        t, _ = self._translations(R_a_b, int(self.cov.lags[lag]), pairs[rows])
+        t = self._translations(R_a_b, int(self.cov.lags[lag]), pairs[rows])
         t_a_b = np.average(t, axis=0, weights=strength[rows])
         matches = tuple((int(i), int(j)) for i, j in pairs[rows])
         return matches, R_a_b, t_a_b, float(strength[rows].sum())
 
-    def _translations(self, R: FloatArray, lag: int, pairs: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Median of ``T_p - R T_q`` of track pairs (M, 2), and the median distance from a."""
+    def _translations(self, R: FloatArray, lag: int, pairs: IntArray) -> FloatArray:
+        """Median of ``T_p - R T_q`` of track pairs (M, 2)."""
         n = self.a.position.shape[1]
         k = np.arange(max(0, -lag), min(n, n - lag))
         here, there = self.a.position[pairs[:, 0]][:, k], self.b.position[pairs[:, 1]][:, k + lag]
         difference = here - there @ R.T
         both = np.isfinite(difference[..., 0])
-        t, distance = np.empty((len(pairs), 3)), np.empty(len(pairs))
+        t = np.empty((len(pairs), 3))
         for i, use in enumerate(both):
             at = np.flatnonzero(use)
             at = at[:: -(-len(at) // _MAX_MEDIAN_SAMPLES)]
             t[i] = np.median(difference[i, at], axis=0)
-            distance[i] = np.median(here[i, at, 2])
-        return t, distance
+        return t
+
+
+def _apart(t: FloatArray) -> FloatArray:
+    """Distances (M, M) of translations, as close as people of other sizes may bring them.
+
+    A lifter that takes a person for larger than he is puts him further away in every view,
+    and so stretches the translation that follows from him.
+    """
+    square = np.maximum((t**2).sum(-1), 1e-12)
+    stretch = np.clip((t @ t.T) / square[None], 1 / _BODY_SIZE_RANGE, _BODY_SIZE_RANGE)
+    one_way = np.linalg.norm(t[:, None] - stretch[..., None] * t[None], axis=-1)
+    return np.asarray(np.minimum(one_way, one_way.T))
 
 
 def _local_maxima(score: FloatArray) -> BoolArray:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from stcalib_ros.core.types import BoolArray, FloatArray
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _HALF_WINDOW = 3
 _ORDER = 3
-_RIDGE = (0.0, 1e-6, 1e-4, 1e-4)
+_RIDGE = (1e-9, 1e-6, 1e-4, 1e-4)
 """Keeps the higher terms at zero where the window has too few samples to see them."""
 
 
@@ -28,20 +28,32 @@ def local_cubic(X: FloatArray, present: BoolArray) -> tuple[FloatArray, FloatArr
     smooth : (K, ..., 3) ndarray
         Fitted positions.
     """
-    K = len(X)
-    w = present.astype(float)
-    wX = np.where(present[..., None], X, 0.0)
-    moments = np.zeros((2 * _ORDER + 1, *w.shape))
-    right = np.zeros((_ORDER + 1, *wX.shape))
-    for i in range(-_HALF_WINDOW, _HALF_WINDOW + 1):
-        here = slice(max(0, -i), K - max(0, i))
-        there = slice(max(0, i), K - max(0, -i))
-        for order in range(2 * _ORDER + 1):
-            moments[order][here] += float(i) ** order * w[there]
-        for order in range(_ORDER + 1):
-            right[order][here] += float(i) ** order * wX[there]
-    A = moments[np.add.outer(range(_ORDER + 1), range(_ORDER + 1))]
-    A = np.moveaxis(A, (0, 1), (-2, -1))
-    A = A + np.diag(_RIDGE) + np.where(w.any() & (A[..., :1, :1] > 0), 0.0, np.eye(_ORDER + 1))
-    coefficients = np.linalg.solve(A, np.moveaxis(right, 0, -2))
-    return coefficients[..., 1, :], coefficients[..., 0, :]
+    window = np.arange(-_HALF_WINDOW, _HALF_WINDOW + 1)
+    pad = [(_HALF_WINDOW, _HALF_WINDOW)] + [(0, 0)] * (X.ndim - 1)
+    padded = np.pad(np.where(present[..., None], X, 0.0), pad)
+    there = np.pad(present, pad[:-1])
+    shifted = [slice(i, i + len(X)) for i in range(len(window))]
+    n = np.sum([there[s] for s in shifted], axis=0)
+    kernels = np.linalg.pinv(window[:, None].astype(float) ** np.arange(_ORDER + 1))[:2]
+    smooth, velocity = (
+        np.sum([k * padded[s] for k, s in zip(kernel, shifted, strict=True)], axis=0)
+        for kernel in kernels
+    )
+    gappy = (n > 0) & (n < len(window))
+    velocity[n == 0] = smooth[n == 0] = 0.0
+    if gappy.any():
+        values = np.stack([padded[s][gappy] for s in shifted], 1)
+        known = np.stack([there[s][gappy] for s in shifted], 1)
+        smooth[gappy], velocity[gappy] = _ridge_fit(values, known, window)
+    return velocity, smooth
+
+
+def _ridge_fit(
+    values: FloatArray, known: BoolArray, window: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Position and slope (M, 3) in the middle of windows (M, 7, 3) with missing samples."""
+    powers = window[:, None].astype(float) ** np.arange(_ORDER + 1)
+    A = np.einsum("mw,wa,wb->mab", known.astype(float), powers, powers, optimize=True)
+    b = np.einsum("mwx,wa->max", values, powers, optimize=True)
+    coefficients = np.linalg.solve(A + np.diag(_RIDGE), b)
+    return coefficients[:, 0], coefficients[:, 1]

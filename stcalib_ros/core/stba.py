@@ -24,6 +24,7 @@ _CAUCHY = 2.385
 _RAYLEIGH_MEDIAN = 1.17741
 _MIN_SCALE_PX = 0.5
 _NEAREST = 0.1
+_MIN_RENEWALS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,42 +70,43 @@ class ReducedSystem:
 
 
 def initial_state(o: Observations, rig: Rig) -> BundleState:
-    """Triangulate everything with the poses of a rig and estimate the velocities."""
+    """Triangulate everything with the poses of a rig and estimate the velocities.
+
+    Done twice: the second time every ray starts where the motion since the knot puts it.
+    """
     R_cam_ref = np.swapaxes(rig.R_ref_cam, -1, -2).copy()
     t_cam_ref = -np.einsum("cij,cj->ci", R_cam_ref, rig.t_ref_cam)
-    X, good = triangulate(*rays(o, rig), o.seen.transpose(0, 2, 1).astype(float))
-    used = o.seen & good[:, None, :]
-    state = BundleState(
-        R_cam_ref,
-        t_cam_ref,
-        np.zeros(len(R_cam_ref)),
-        np.where(good[..., None], X, 0.0),
-        np.zeros_like(X),
-        used,
+    rays = _rays(o, rig)
+    weight = o.seen.transpose(0, 2, 1).astype(float)
+    V = np.zeros((*weight.shape[:2], 3))
+    for _ in range(2):
+        centres = rig.t_ref_cam - o.phi[:, None, :, None] * V[:, :, None]
+        X, good = triangulate(centres, rays, weight)
+        X = np.where(good[..., None], X, 0.0)
+        V = velocities(o, X, good)
+    return BundleState(
+        R_cam_ref, t_cam_ref, np.zeros(len(R_cam_ref)), X, V, o.seen & good[:, None, :]
     )
-    return with_velocities(o, state)
 
 
-def rays(o: Observations, rig: Rig) -> tuple[FloatArray, FloatArray]:
-    """Centres and unit rays (N, J, C, 3) of all observations in the reference frame."""
+def _rays(o: Observations, rig: Rig) -> FloatArray:
+    """Unit rays (N, J, C, 3) of all observations in the reference frame."""
     b = np.concatenate([o.x, np.ones_like(o.x[..., :1])], -1)
     b /= np.linalg.norm(b, axis=-1, keepdims=True)
-    turned = np.einsum("cab,ncjb->njca", rig.R_ref_cam, b, optimize=True)
-    return np.broadcast_to(rig.t_ref_cam, turned.shape), turned
+    turned = b @ np.swapaxes(rig.R_ref_cam, -1, -2)
+    return np.asarray(turned.transpose(0, 2, 1, 3))
 
 
-def with_velocities(o: Observations, state: BundleState) -> BundleState:
-    """The state with V by a local cubic fit of the present X along each person's knots."""
-    V = np.zeros_like(state.X)
-    present = state.used.sum(1) >= 2
+def velocities(o: Observations, X: FloatArray, present: BoolArray) -> FloatArray:
+    """Velocities (N, J, 3), per second, by a local cubic fit along each person's knots."""
+    V = np.zeros_like(X)
     for rows in _persons(o):
         knots = o.knot[rows] - o.knot[rows][0]
         n = int(knots[-1]) + 1
-        X = np.zeros((n, *state.X.shape[1:]))
-        there = np.zeros(X.shape[:-1], dtype=bool)
-        X[knots], there[knots] = state.X[rows], present[rows]
-        V[rows] = local_cubic(X, there)[0][knots] / o.step_s
-    return replace(state, V=V)
+        path, there = np.zeros((n, *X.shape[1:])), np.zeros((n, X.shape[1]), dtype=bool)
+        path[knots], there[knots] = X[rows], present[rows]
+        V[rows] = local_cubic(path, there)[0][knots] / o.step_s
+    return V
 
 
 def _persons(o: Observations) -> Iterator[slice]:
@@ -134,9 +136,14 @@ def robust_scale(errors: FloatArray, used: BoolArray) -> float:
 
 
 def adjust(
-    o: Observations, state: BundleState, *, iterations: int, tolerance: float = 1e-5
+    o: Observations,
+    state: BundleState,
+    *,
+    iterations: int,
+    tolerance: float,
+    renew_velocities: bool = False,
 ) -> BundleState:
-    """Levenberg-Marquardt on the robust cost, velocities renewed after every success.
+    """Levenberg-Marquardt on the robust cost.
 
     Parameters
     ----------
@@ -146,32 +153,49 @@ def adjust(
     iterations : int
         Steps at most.
     tolerance : float
-        Relative decrease of the cost that counts as converged.
+        Done when a step moves the cameras by less than this many standard deviations (root
+        of the squared Mahalanobis length).
+    renew_velocities : bool
+        Read V from the trajectories again after every step; else it stays as it is.
     """
-    damping = 1e-4
+    damping = 1e-5
     scale = _CAUCHY * max(robust_scale(errors_px(o, state), state.used), _MIN_SCALE_PX)
     problem = _Problem(o, state, scale)
-    for _ in range(iterations):
-        trial = problem.step(damping)
+    least = _MIN_RENEWALS if renew_velocities else 0
+    for step in range(iterations):
+        trial, length = problem.step(damping)
         if trial.cost() < problem.cost():
-            converged = problem.cost() - trial.cost() < tolerance * problem.cost()
-            state = with_velocities(o, trial.state_of(state))
+            problem = trial
             damping = max(damping / 10.0, 1e-9)
-            if converged:
+            if renew_velocities:
+                state = problem.state_of(state)
+                V = velocities(o, state.X, state.used.sum(1) >= 2)
+                state = replace(state, V=V)
+                problem = _Problem(o, state, scale)
+            if length < tolerance and step >= least:
                 break
-            problem = _Problem(o, state, scale)
         else:
             damping *= 10.0
             if damping > 1e4:
                 break
-    return state
+    return problem.state_of(state)
 
 
 def reduced_system(o: Observations, state: BundleState) -> tuple[ReducedSystem, float]:
     """Undamped reduced normal equations at a state, in px, and the robust noise scale (px)."""
     sigma = max(robust_scale(errors_px(o, state), state.used), _MIN_SCALE_PX)
     problem = _Problem(o, state, _CAUCHY * sigma)
-    return problem.reduce(0.0)[0], sigma
+    return problem.reduce(0.0).system, sigma
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reduction:
+    """Reduced system and what the points need to follow: L, T = L^-1 W^T (3, 7 C, P), L^-1 g."""
+
+    system: ReducedSystem
+    factors: tuple[FloatArray, ...]
+    T: FloatArray
+    z: FloatArray
 
 
 class _Problem:
@@ -222,36 +246,42 @@ class _Problem:
             G[:, 2, i] = Y[:, 0] * A[:, i, 1] - Y[:, 1] * A[:, i, 0]
             G[:, 3:6, i] = A[:, i]
             G[:, 6, i] = (A[:, i] * RV).sum(1)
-        B = np.einsum("cij,ckip->cjkp", self.R, A, optimize=True)
+        B = np.swapaxes(np.swapaxes(self.R, -1, -2)[:, None] @ A, 1, 2)
+        B = np.ascontiguousarray(B)
         return G, B, self.r * root[:, None]
 
-    def reduce(
-        self, damping: float
-    ) -> tuple[ReducedSystem, FloatArray, tuple[FloatArray, ...], FloatArray]:
-        """Eliminate the points: reduced system, W (C, 7, 3, P), factors, point gradient."""
+    def reduce(self, damping: float) -> _Reduction:
+        """Eliminate the points."""
         G, B, r = self._jacobians()
         C, _, _, P = G.shape
         flat = G.reshape(C, _CAMERA, 2 * P)
         H_cc = flat @ flat.transpose(0, 2, 1)
         g_c = (flat @ r.reshape(C, 2 * P, 1))[..., 0]
-        W = G[:, :, None, 0] * B[:, None, :, 0] + G[:, :, None, 1] * B[:, None, :, 1]
-        g_p = np.einsum("cbip,cip->bp", B, r)
-        factors = _cholesky3(np.einsum("caip,cbip->abp", B, B, optimize=True), damping)
-        T = _forward_solve(factors, np.moveaxis(W, 2, 0))
-        T_flat = np.moveaxis(T, 0, 2).reshape(C * _CAMERA, 3 * P)
-        z = _forward_solve(factors, g_p).reshape(3 * P)
-        H = -T_flat @ T_flat.T
+        T = np.empty((3, C, _CAMERA, P))
+        for k in range(3):
+            np.multiply(G[:, :, 0], B[:, None, k, 0], out=T[k])
+            T[k] += G[:, :, 1] * B[:, None, k, 1]
+        H_pp = np.einsum("caip,cbip->abp", B, B, optimize=True)
+        factors = _cholesky3(H_pp, damping)
+        T = _forward_solve(factors, T).reshape(3, C * _CAMERA, P)
+        z = _forward_solve(factors, np.einsum("cbip,cip->bp", B, r))
+        H = -np.sum(T @ T.transpose(0, 2, 1), axis=0)
         for c in range(C):
             block = slice(c * _CAMERA, (c + 1) * _CAMERA)
             H[block, block] += H_cc[c] + damping * np.diag(np.diag(H_cc[c]))
-        return ReducedSystem(H, g_c.ravel() - T_flat @ z), W, factors, g_p
+        system = ReducedSystem(H, g_c.ravel() - np.einsum("kap,kp->a", T, z))
+        return _Reduction(system, factors, T, z)
 
-    def step(self, damping: float) -> _Problem:
-        """The problem after one damped step; the reference pose and the scale stay."""
-        system, W, factors, g_p = self.reduce(damping)
-        d_camera = -solve_reduced(system, self.t)
-        right = g_p + np.einsum("cabp,ca->bp", W, d_camera, optimize=True)
-        d_point = -_backward_solve(factors, _forward_solve(factors, right))
+    def step(self, damping: float) -> tuple[_Problem, float]:
+        """The problem after one damped step, and how many standard deviations the cameras moved.
+
+        The reference pose and the scale stay.
+        """
+        reduction = self.reduce(damping)
+        d_camera = -solve_reduced(reduction.system, self.t)
+        flat = d_camera.ravel()
+        length = np.sqrt(max(float(flat @ reduction.system.H @ flat), 0.0)) * _CAUCHY / self.scale
+        d_point = -_backward_solve(reduction.factors, reduction.z + flat @ reduction.T)
         trial = object.__new__(_Problem)
         trial.__dict__.update(self.__dict__)
         trial.R = exp_so3(d_camera[:, :3]) @ self.R
@@ -259,7 +289,7 @@ class _Problem:
         trial.shift = self.shift + d_camera[:, 6]
         trial.X = self.X + d_point
         trial._forward()
-        return trial
+        return trial, float(length)
 
     def state_of(self, state: BundleState) -> BundleState:
         """A state with the unknowns of this problem, the scale put back exactly."""
@@ -316,13 +346,15 @@ def _cholesky3(H: FloatArray, damping: float) -> tuple[FloatArray, ...]:
 
 
 def _forward_solve(factors: tuple[FloatArray, ...], b: FloatArray) -> FloatArray:
-    """``L y = b`` for b (3, ..., P)."""
+    """``L y = b`` for b (3, ..., P), in place."""
     l00, l10, l11, l20, l21, l22 = factors
-    y = np.empty_like(b)
-    y[0] = b[0] / l00
-    y[1] = (b[1] - l10 * y[0]) / l11
-    y[2] = (b[2] - l20 * y[0] - l21 * y[1]) / l22
-    return y
+    b[0] /= l00
+    b[1] -= l10 * b[0]
+    b[1] /= l11
+    b[2] -= l20 * b[0]
+    b[2] -= l21 * b[1]
+    b[2] /= l22
+    return b
 
 
 def _backward_solve(factors: tuple[FloatArray, ...], y: FloatArray) -> FloatArray:
