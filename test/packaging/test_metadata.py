@@ -11,8 +11,7 @@ from pathlib import Path
 import stcalib_ros
 
 ROS_KEYS = {
-    "mcap": "mcap-ros2-support",  # the key that brings it
-    "mcap-ros2-support": "mcap-ros2-support",
+    "mcap": "mcap-ros2-support",  # the only key that brings it
     "opencv-python-headless": "python3-opencv",
     "PyYAML": "python3-yaml",
 }
@@ -69,7 +68,7 @@ def test_every_import_is_declared(root):
     """Of the package: the standard library, pip requirements, and ROS under ros/ alone."""
     allowed = {"cv2", "yaml", "stcalib_ros", *sys.stdlib_module_names}
     allowed |= {n.replace("-", "_") for n in requirements(root / "requirements/core.txt")}
-    allowed |= requirements(root / "requirements/report.txt") | {"mcap_ros2"}
+    allowed |= requirements(root / "requirements/report.txt")
     ros = {
         t.text
         for tag in ("depend", "exec_depend")
