@@ -51,7 +51,7 @@ def base_python(folder: Path, refuses: str = "nothing") -> None:
 
 
 def setup(checkout: Path, programs: Path, kind: str) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
+    return subprocess.run(
         [checkout / "scripts/setup.sh", kind],
         env={"PATH": str(programs), "HOME": str(checkout), "PIP_NO_INDEX": "1"},
         capture_output=True,
@@ -59,9 +59,14 @@ def setup(checkout: Path, programs: Path, kind: str) -> subprocess.CompletedProc
         check=False,
         stdin=subprocess.DEVNULL,
     )
+
+
+def refusal(checkout: Path, programs: Path, kind: str) -> str:
+    """What a setup says that stops before it has made anything."""
+    done = setup(checkout, programs, kind)
     assert done.returncode == 2, done.stdout
     assert not list(checkout.glob(".venv*"))
-    return done
+    return done.stderr
 
 
 def install_command(packages: str) -> str:
@@ -72,7 +77,7 @@ def install_command(packages: str) -> str:
 def test_python(checkout, programs, script):
     if script:
         program(programs, "python3", f'[ "$1" = -V ] && echo Python 3.8.1 && exit; {script}')
-    said = setup(checkout, programs, "core").stderr
+    said = refusal(checkout, programs, "core")
     assert "missing: Python 3.10 or newer" in said
     assert install_command("python3 python3-venv python3-dev") in said
     assert ("3.8.1" in said) is bool(script)
@@ -80,7 +85,7 @@ def test_python(checkout, programs, script):
 
 def test_venv(checkout, programs):
     base_python(programs, refuses="ensurepip")
-    said = setup(checkout, programs, "core").stderr
+    said = refusal(checkout, programs, "core")
     assert "missing: the venv module of Python 3." in said
     assert install_command("python3-venv") in said
 
@@ -97,7 +102,7 @@ def test_compilers(checkout, programs, there, named, package):
     base_python(programs)
     for name in there:
         program(programs, name, "exit 0")
-    said = setup(checkout, programs, "jazzy").stderr
+    said = refusal(checkout, programs, "jazzy")
     assert f"missing: {named}\n" in said
     assert install_command(package) in said
 
@@ -106,7 +111,7 @@ def test_headers(checkout, programs):
     base_python(programs, refuses="Python.h")
     for name in ("c++", "cc", "make"):
         program(programs, name, "exit 0")
-    said = setup(checkout, programs, "jazzy").stderr
+    said = refusal(checkout, programs, "jazzy")
     assert "missing: Python.h, the headers of Python 3." in said
     assert install_command("python3-dev") in said
 
@@ -114,5 +119,68 @@ def test_headers(checkout, programs):
 @pytest.mark.parametrize("kind", ["humble", ""])
 def test_an_unknown_distribution(checkout, programs, kind):
     base_python(programs)
-    said = setup(checkout, programs, kind).stderr
+    said = refusal(checkout, programs, kind)
     assert f"unknown ROS distribution '{kind}': there are jazzy and kilted" in said
+
+
+@pytest.fixture
+def installs(checkout: Path, programs: Path) -> Path:
+    """Lists what was installed: a Python whose environments only note what pip is asked for."""
+    log = checkout / "pip.log"
+    environment = f"""
+    mkdir -p "$3/bin"
+    printf '#!%s\\n' {shutil.which("bash")} >"$3/bin/python"
+    echo '[ -e {checkout}/offline ] && exit 1; echo "$*" >>{log}' >>"$3/bin/python"
+    chmod +x "$3/bin/python"
+    """
+    script = f"""
+    [[ "$*" == *sys.executable* ]] && echo "$0" && exit
+    [[ "$*" == "-m venv "* ]] || exec {sys._base_executable} "$@"
+    {environment}
+    """
+    program(programs, "python3", script)
+    for name in ("chmod", "mkdir"):
+        (programs / name).symlink_to(str(shutil.which(name)))
+    return log
+
+
+def test_it_is_done_once(checkout, programs, installs):
+    for _ in range(2):
+        assert setup(checkout, programs, "core").returncode == 0
+    lists = "--requirement=requirements/core.txt --requirement=requirements/report.txt"
+    assert installs.read_text().splitlines() == [
+        f"-m pip install --quiet {lists}",
+        "-m pip install --quiet --no-deps --editable .",
+    ]
+
+
+def test_it_is_done_again_when_a_requirement_changes(checkout, programs, installs):
+    setup(checkout, programs, "core")
+    with (checkout / "requirements/core.txt").open("a") as file:
+        file.write("another\n")
+    left = checkout / ".venv/left"
+    left.touch()
+    assert setup(checkout, programs, "core").returncode == 0
+    assert len(installs.read_text().splitlines()) == 4
+    assert not left.exists()
+
+
+def test_one_that_was_interrupted_is_done_again(checkout, programs, installs):
+    (checkout / "offline").touch()
+    failed = setup(checkout, programs, "core")
+    assert failed.returncode == 2
+    assert "could not install the packages of requirements/core.txt" in failed.stderr
+    (checkout / "offline").unlink()
+    assert setup(checkout, programs, "core").returncode == 0
+    assert len(installs.read_text().splitlines()) == 2
+
+
+def test_cmake_is_installed_only_where_there_is_none(checkout, programs, installs):
+    for name in ("c++", "cc", "make"):
+        program(programs, name, "exit 0")
+    setup(checkout, programs, "jazzy")
+    assert "cmake" in installs.read_text().split("requirements/ros-jazzy.txt")[1]
+    program(programs, "cmake", "exit 0")
+    (checkout / ".venv-jazzy/.complete").unlink()
+    setup(checkout, programs, "jazzy")
+    assert "cmake" not in installs.read_text().splitlines()[1]
