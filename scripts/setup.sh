@@ -37,7 +37,9 @@ find_python() {
       return
     fi
   done
-  missing "Python 3.10 or newer (${PYTHON:-python3} is $("${PYTHON:-python3}" -V 2>&1 || true))" \
+  local version
+  version=$("${PYTHON:-python3}" -V 2>/dev/null || true)
+  missing "Python 3.10 or newer (${PYTHON:-python3} is ${version:-not there})" \
     "python3 python3-venv python3-dev" "python3 python3-devel" "python"
 }
 
