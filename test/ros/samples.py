@@ -32,7 +32,7 @@ def camera(name: str, seed: int) -> CameraCalibration:
         name=name,
         frame_id=f"{name}_optical_frame",
         intrinsics=LENS,
-        R_ref_cam=Rotation.random(random_state=seed).as_matrix(),
+        R_ref_cam=Rotation.from_rotvec(rng.normal(size=3)).as_matrix(),
         t_ref_cam=rng.normal(size=3),
         covariance=rng.normal(size=(6, 6)),
         time_offset_s=rng.normal(),
