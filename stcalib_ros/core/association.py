@@ -9,7 +9,7 @@ outvoted by the others.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +42,9 @@ class Association:
     n_persons : int
     typical_px : float
         Median epipolar distance of what was put together.
+    margins : mapping of int to float
+        Per person, epipolar distance of the next best assignment over that of this one; inf
+        where nobody else was there to be mistaken for him.
     """
 
     person_of: tuple[IntArray, ...]
@@ -49,6 +52,7 @@ class Association:
     slot_s: float
     n_persons: int
     typical_px: float
+    margins: Mapping[int, float]
 
     def slot(self, times: FloatArray) -> IntArray:
         """Slots of times of the reference clock."""
@@ -96,7 +100,8 @@ def associate(
     for s in range(n_slots):
         chain.add(s, _agglomerate(samples, distance, s, tolerance))
     typical = tolerance / _TOLERANCE_FACTOR
-    return Association(tuple(chain.person_of), start, slot_s, chain.n_persons, typical)
+    margins = _margins(chain.person_of, distance, chain.n_persons)
+    return Association(tuple(chain.person_of), start, slot_s, chain.n_persons, typical, margins)
 
 
 _TOLERANCE_FACTOR = 3.0
@@ -162,11 +167,13 @@ def _distance(a: _Samples, b: _Samples, R_a_b: FloatArray, t_a_b: FloatArray) ->
         r = sampson(
             E, np.broadcast_to(x_a, shape).reshape(flat), np.broadcast_to(x_b, shape).reshape(flat)
         )
-        focal = np.sqrt(a.focal[here, s][:, None] * b.focal[there, s][None]).reshape(shape[0], shape[1], -1)
-        both = np.ix_(here, there, [s])
-        epipolar[both] = _median(np.abs(r) * focal, _MIN_SHARED)[..., None]
+        focal = np.sqrt(a.focal[here, s][:, None] * b.focal[there, s][None]).reshape(
+            shape[0], shape[1], -1
+        )
+        both = (*np.ix_(here, there), s)
+        epipolar[both] = _median(np.abs(r) * focal, _MIN_SHARED)
         apart = np.linalg.norm(a.body[here, s][:, None] - b.body[there, s][None], axis=-1)
-        body[both] = _median(apart, 1)[..., None]
+        body[both] = _median(apart, 1)
     return _Distance(epipolar, body)
 
 
@@ -193,6 +200,29 @@ def _tolerance(distance: dict[tuple[int, int], _Distance], floor_px: float) -> f
     return max(floor_px, _TOLERANCE_FACTOR * typical)
 
 
+def _margins(
+    person_of: Sequence[IntArray], distance: dict[tuple[int, int], _Distance], n_persons: int
+) -> dict[int, float]:
+    """Median distance to the nearest other person over the median distance within persons."""
+    own: list[list[FloatArray]] = [[] for _ in range(n_persons)]
+    other: list[list[FloatArray]] = [[] for _ in range(n_persons)]
+    for (a, b), d in distance.items():
+        here, there = person_of[a][:, None], person_of[b][None]
+        known = (here >= 0) & (there >= 0)
+        same = known & (here == there)
+        rival = np.where(known & ~same, d.epipolar, np.inf).min(1, initial=np.inf)
+        for person in np.unique(person_of[a]):
+            if person >= 0 and (mine := same & (here == person)).any():
+                own[person].append(d.epipolar[mine])
+                other[person].append(rival[mine.any(1)])
+    return {
+        person: float(np.median(np.concatenate(other[person])))
+        / max(float(np.median(np.concatenate(own[person]))), 1e-6)
+        for person in range(n_persons)
+        if own[person]
+    }
+
+
 def _agglomerate(
     samples: Sequence[_Samples],
     distance: dict[tuple[int, int], _Distance],
@@ -200,7 +230,9 @@ def _agglomerate(
     tolerance: float,
 ) -> list[list[tuple[int, int]]]:
     """Average-link clusters of the pieces (camera, track) of one slot."""
-    pieces = [(c, p) for c, one in enumerate(samples) for p in np.flatnonzero(one.present[:, s].any(-1))]
+    pieces = [
+        (c, p) for c, one in enumerate(samples) for p in np.flatnonzero(one.present[:, s].any(-1))
+    ]
     n = len(pieces)
     cost, known = np.zeros((n, n)), np.zeros((n, n))
     apart = np.eye(n, dtype=bool)
@@ -237,7 +269,8 @@ def _average_link(cost: FloatArray, known: FloatArray, apart: BoolArray) -> list
         apart[:, i] |= apart[:, j]
         apart[i, i] = True
         keep = np.arange(len(cost)) != j
-        cost, known, apart = (m[np.ix_(keep, keep)] for m in (cost, known, apart))
+        cost, known = cost[np.ix_(keep, keep)], known[np.ix_(keep, keep)]
+        apart = apart[np.ix_(keep, keep)]
     return groups
 
 
@@ -257,9 +290,10 @@ class _Chain:
                 if (person := self.last[c][p]) >= 0:
                     votes[g, person] += 1.0
         person_of_group: dict[int, int] = {}
-        for g, person in zip(*linear_sum_assignment(votes, maximize=True), strict=True):
-            if votes[g, person] > 0:
-                person_of_group[int(g)] = int(person)
+        rows, columns = linear_sum_assignment(votes, maximize=True)
+        for g, best in zip(rows.tolist(), columns.tolist(), strict=True):
+            if votes[g, best] > 0:
+                person_of_group[g] = best
         for g, group in enumerate(groups):
             if g not in person_of_group:
                 person_of_group[g] = self.n_persons

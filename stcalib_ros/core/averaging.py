@@ -46,13 +46,15 @@ class Rig:
     support: float
 
 
-def connected_groups(n: int, hypotheses: Sequence[PairHypothesis]) -> list[list[int]]:
+def connected_groups(
+    cameras: Sequence[int], hypotheses: Sequence[PairHypothesis]
+) -> list[list[int]]:
     """Cameras that hang together through at least one hypothesis, largest group first."""
-    group = list(range(n))
+    group = {c: c for c in cameras}
     for h in hypotheses:
         old, new = group[h.b], group[h.a]
-        group = [new if g == old else g for g in group]
-    members = [[c for c in range(n) if group[c] == g] for g in dict.fromkeys(group)]
+        group = {c: new if g == old else g for c, g in group.items()}
+    members = [[c for c in cameras if group[c] == g] for g in dict.fromkeys(group.values())]
     return sorted(members, key=len, reverse=True)
 
 

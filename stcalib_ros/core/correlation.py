@@ -64,15 +64,17 @@ def cross_covariance(a: GridTracks, b: GridTracks, *, max_lag: int) -> PairCovar
 def _stack(oriented: FloatArray) -> FloatArray:
     """(P, N, D, 3) to (N, 3 P, D)."""
     P, n, D, _ = oriented.shape
-    return oriented.transpose(1, 0, 3, 2).reshape(n, 3 * P, D)
+    return np.asarray(oriented.transpose(1, 0, 3, 2).reshape(n, 3 * P, D))
 
 
 def _presence(tracks: GridTracks) -> FloatArray:
-    return np.asarray(tracks.present.T[..., None], dtype=np.float32)
+    return np.asarray(tracks.present.T[..., None], dtype=np.float64)
 
 
 def _correlate(a: FloatArray, b: FloatArray, size: int, lags: IntArray) -> FloatArray:
     """``sum_k a[k] @ b[k + lag]^T`` for every lag: (N, A, D), (N, B, D) to (A, B, L)."""
-    spectrum = np.conj(fft.rfft(a, size, axis=0)) @ fft.rfft(b, size, axis=0).transpose(0, 2, 1)
+    single = (np.asarray(one, dtype=np.float32) for one in (a, b))
+    spectrum_a, spectrum_b = (fft.rfft(one, size, axis=0) for one in single)
+    spectrum = np.conj(spectrum_a) @ spectrum_b.transpose(0, 2, 1)
     series = fft.irfft(spectrum, size, axis=0)[lags % size]
     return np.asarray(series.transpose(1, 2, 0), dtype=np.float64)

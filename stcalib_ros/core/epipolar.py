@@ -18,7 +18,7 @@ from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.timeline import Interpolation, frame_period
 from stcalib_ros.core.types import FloatArray
 
-_MAX_POINTS = 2500
+_MAX_POINTS = 1500
 _MIN_POINTS = 60
 _MAX_GAP = 2.6
 _NOISE_FLOOR_PX = 3.0
@@ -26,7 +26,7 @@ _PRIOR_ROTATION = 0.1
 _PRIOR_DIRECTION = 0.2
 """Standard deviations (rad) of the registration by bone directions and body positions."""
 _CORRELATED = 20
-"""Key points that carry one independent measurement between them: joints of one body, frame after frame."""
+"""Key points that make one independent measurement: joints of one body, frame after frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

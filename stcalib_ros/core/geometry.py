@@ -178,7 +178,7 @@ def _first_inverse(pixels: FloatArray, intrinsics: Intrinsics) -> FloatArray:
 def _lens_jacobian(x: FloatArray, intrinsics: Intrinsics) -> tuple[FloatArray, FloatArray]:
     """Pixels of points on the plane z = 1, and their derivatives (N, 2, 2)."""
     step = 1e-6
-    finite = np.isfinite(x).all(-1)
+    finite: BoolArray = np.isfinite(x).all(-1)
     rays = np.concatenate([np.where(finite[:, None], x, 0.0), np.ones((len(x), 1))], -1)
     columns = [
         (project(rays + step * e, intrinsics) - project(rays - step * e, intrinsics)) / (2 * step)
@@ -214,32 +214,44 @@ def triangulate(
         Where `X` is finite and ahead of every camera that sees it.
     """
     seen = weights > 0
-    rays = np.where(seen[..., None], rays, 0.0)
-    origin = np.where(seen[..., None], centres, 0.0)
-    depth = np.ones_like(weights)
-    X = np.full((*weights.shape[:-1], 3), np.nan)
+    b = [np.where(seen, rays[..., i], 0.0) for i in range(3)]
+    origin = [np.where(seen, centres[..., i], 0.0) for i in range(3)]
+    along = sum(b[i] * origin[i] for i in range(3))
+    enough = seen.sum(-1) >= 2
+    w = weights
     for _ in range(1 + refinements):
-        w = weights / depth**2
-        A = np.einsum("...c,ij->...ij", w, np.eye(3)) - np.einsum(
-            "...c,...ci,...cj->...ij", w, rays, rays
-        )
-        along = np.einsum("...ci,...ci->...c", rays, origin)
-        b = np.einsum("...c,...ci->...i", w, origin - along[..., None] * rays)
-        X = _solve_points(A, b, enough=seen.sum(-1) >= 2)
-        depth = np.einsum("...ci,...ci->...c", rays, X[..., None, :] - origin)
-        ahead = (depth > 0) | ~seen
-        depth = np.maximum(np.where(seen, np.nan_to_num(depth), 1.0), 1e-3)
-    return X, np.isfinite(X).all(-1) & ahead.all(-1)
+        total = w.sum(-1)
+        A = {(i, j): -(w * b[i] * b[j]).sum(-1) for i, j in _UPPER}
+        for i in range(3):
+            A[i, i] += total
+        right = [(w * (origin[i] - along * b[i])).sum(-1) for i in range(3)]
+        X, ok = _solve_symmetric(A, right)
+        depth = sum(b[i] * (X[i][..., None] - origin[i]) for i in range(3))
+        w = weights / np.maximum(depth, 1e-3) ** 2
+    ahead = ((depth > 0) | ~seen).all(-1)
+    good = ok & enough
+    return np.where(good[..., None], np.stack(X, -1), np.nan), good & ahead
 
 
-def _solve_points(A: FloatArray, b: FloatArray, *, enough: BoolArray) -> FloatArray:
-    trace = np.trace(A, axis1=-2, axis2=-1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        condition = np.linalg.det(A) / np.maximum(trace, 1e-300) ** 3
-    ok = enough & (condition > 1e-9)
-    safe = np.where(ok[..., None, None], A, np.eye(3))
-    X = np.linalg.solve(safe, b[..., None])[..., 0]
-    return np.where(ok[..., None], X, np.nan)
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+def _solve_symmetric(
+    A: dict[tuple[int, int], FloatArray], b: list[FloatArray]
+) -> tuple[list[FloatArray], BoolArray]:
+    """Cramer's rule for many symmetric 3x3 systems at once, and whether each is regular."""
+    c00 = A[1, 1] * A[2, 2] - A[1, 2] ** 2
+    c01 = A[0, 2] * A[1, 2] - A[0, 1] * A[2, 2]
+    c02 = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
+    c11 = A[0, 0] * A[2, 2] - A[0, 2] ** 2
+    c12 = A[0, 1] * A[0, 2] - A[0, 0] * A[1, 2]
+    c22 = A[0, 0] * A[1, 1] - A[0, 1] ** 2
+    det = A[0, 0] * c00 + A[0, 1] * c01 + A[0, 2] * c02
+    trace = A[0, 0] + A[1, 1] + A[2, 2]
+    ok = det > 1e-9 * np.maximum(trace, 1e-300) ** 3
+    inverse = np.where(ok, 1.0, 0.0) / np.where(ok, det, 1.0)
+    rows = ((c00, c01, c02), (c01, c11, c12), (c02, c12, c22))
+    return [sum(c * x for c, x in zip(row, b, strict=True)) * inverse for row in rows], ok
 
 
 def umeyama(source: FloatArray, target: FloatArray) -> tuple[float, FloatArray, FloatArray]:

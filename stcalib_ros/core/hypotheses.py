@@ -189,7 +189,7 @@ class _Vote:
         k = np.arange(max(0, -lag), min(n, n - lag))
         here, there = self.a.position[pairs[:, 0]][:, k], self.b.position[pairs[:, 1]][:, k + lag]
         difference = here - there @ R.T
-        both = np.isfinite(difference[..., 0])
+        both: BoolArray = np.isfinite(difference[..., 0])
         t = np.empty((len(pairs), 3))
         for i, use in enumerate(both):
             at = np.flatnonzero(use)

@@ -60,7 +60,7 @@ _BODY_PARENT = {
     "left_collar": "spine3",
     "right_collar": "spine3",
 }
-"""The usual parent of a joint, by name; where it is missing from a layout, its own parent serves."""
+"""Usual parent of a joint, by name; where a layout lacks it, its own parent serves."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ model ``X + phi V`` (Section IV).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,6 +48,12 @@ class Observations:
     seen: BoolArray
     start_s: float
     step_s: float
+
+    def every_joint(self, n: int) -> Observations:
+        """The same with every n-th joint only."""
+        return replace(
+            self, x=self.x[:, :, ::n], focal=self.focal[:, :, ::n], seen=self.seen[:, :, ::n]
+        )
 
 
 def observe(

@@ -128,15 +128,15 @@ def _converted(default: Any, value: Any, path: str) -> Any:
             raise InputError(f"option {path} holds further options, got {value!r}")
         return _overlay(default, value, path + ".")
     if isinstance(default, bool) or isinstance(value, bool):
-        if isinstance(default, bool) and isinstance(value, bool):
-            return value
-    elif isinstance(default, float) and isinstance(value, int | float):
-        return float(value)
-    elif isinstance(default, int) and isinstance(value, int):
+        fits = isinstance(default, bool) and isinstance(value, bool)
+    elif default is None:
+        fits = value is None or isinstance(value, str)
+    elif isinstance(default, float):
+        fits = isinstance(value, int | float)
+        value = float(value) if fits else value
+    else:
+        fits = isinstance(value, type(default))
+    if fits:
         return value
-    elif (default is None or isinstance(default, str)) and isinstance(value, str):
-        return value
-    elif default is None and value is None:
-        return None
     wanted = "text" if default is None else type(default).__name__
     raise InputError(f"option {path}: expected {wanted}, got {value!r}")

@@ -1,21 +1,350 @@
-"""The calibration, from a recording to poses and clocks: a row of stages."""
+"""The calibration, from a recording to poses and clocks: a row of stages.
+
+lift, pairwise registration, multi-view integration, iterated bundle adjustment, quality. Each
+stage is a function of plain records; `run_stages` keeps what each of them found.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core import stba
-from stcalib_ros.core.association import Association, associate
 from stcalib_ros.core.averaging import Rig, connected_groups, integrate
+from stcalib_ros.core.checks import Insufficient, require_reference, select_cameras
+from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.epipolar import refine_pair
-from stcalib_ros.core.errors import CalibrationError, Cancelled
+from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.hypotheses import PairHypothesis, register_pair
 from stcalib_ros.core.lift import LiftedCamera, lift_recording
-from stcalib_ros.core.observations import Observations, observe
 from stcalib_ros.core.options import Options
+from stcalib_ros.core.quality import CameraEvidence, evidence
+from stcalib_ros.core.result import make_calibration, nothing
+from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
 from stcalib_ros.core.skeleton import Skeleton, common_skeleton
 from stcalib_ros.core.timeline import common_step, sample_camera
-from stcalib_ros.core.types import Recording
+from stcalib_ros.core.types import (
+    Calibration,
+    FloatArray,
+    Recording,
+    Status,
+    UncalibratedCamera,
+)
+
+Progress = Callable[[str, float], None]
+"""Called with the name of the stage and the fraction of it that is done."""
+
+_WORTH_REFINING = 0.2
+_RIVAL_SUPPORT = 0.5
+_AMBIGUOUS = 0.98
+_FIT_SCALE_PX = 8.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stages:
+    """Results of every stage; those after a failure are empty.
+
+    Attributes
+    ----------
+    skeleton : Skeleton
+    lifted : tuple of LiftedCamera
+        In the order of the recording.
+    hypotheses : tuple of PairHypothesis
+        Of all pairs of cameras: registered (PR), and refined ones beside them.
+    rigs : tuple of Rig
+        Of the multi-view integration (MI), best first.
+    rounds : tuple of Round
+        Of the adjustment: the first is STBA, the last ISTBA.
+    calibration : Calibration
+    """
+
+    skeleton: Skeleton
+    lifted: tuple[LiftedCamera, ...]
+    hypotheses: tuple[PairHypothesis, ...]
+    rigs: tuple[Rig, ...]
+    rounds: tuple[Round, ...]
+    calibration: Calibration
+
+
+def calibrate(
+    recording: Recording,
+    options: Options | None = None,
+    *,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> Calibration:
+    """Calibrate cameras from the people that they see.
+
+    Parameters
+    ----------
+    recording : Recording
+    options : Options, optional
+    progress : callable, optional
+        Called with the name of the stage and the fraction of it that is done.
+    cancelled : callable, optional
+        Asked between steps; the calibration ends when it returns true.
+
+    Returns
+    -------
+    Calibration
+        With a status other than ``OK`` where the data does not carry a calibration; its
+        message says why.
+
+    Raises
+    ------
+    InputError
+        The reference camera or the joint layouts cannot be used.
+    Cancelled
+        `cancelled` returned true.
+    """
+    return run_stages(recording, options, progress=progress, cancelled=cancelled).calibration
+
+
+def run_stages(
+    recording: Recording,
+    options: Options | None = None,
+    *,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> Stages:
+    """Like `calibrate`, with what every stage found."""
+    return _Run(recording, options or Options(), progress, cancelled).stages()
+
+
+class _Run:
+    """One calibration under way: its input, and the results of the stages so far."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        options: Options,
+        progress: Progress | None,
+        cancelled: Callable[[], bool] | None,
+    ) -> None:
+        self.recording, self.options = recording, options
+        self.progress, self.cancelled = progress, cancelled
+        self.hypotheses: tuple[PairHypothesis, ...] = ()
+        self.rigs: tuple[Rig, ...] = ()
+        self.rounds: tuple[Round, ...] = ()
+        self.rejected: list[UncalibratedCamera] = []
+
+    def tick(self, stage: str, fraction: float) -> None:
+        """Report progress; leave if the caller wants to."""
+        if self.cancelled is not None and self.cancelled():
+            raise Cancelled(f"cancelled during {stage}")
+        if self.progress is not None:
+            self.progress(stage, fraction)
+
+    def stages(self) -> Stages:
+        first = require_reference(self.recording, self.options)
+        self.tick("lift", 0.0)
+        self.skeleton = common_skeleton(self.recording)
+        self.lifted = lift_recording(
+            self.recording, self.skeleton, min_score=self.options.min_score
+        )
+        try:
+            calibration = self._calibration(first)
+        except Insufficient as why:
+            calibration = nothing(
+                self.recording,
+                status=why.status,
+                message=why.message,
+                uncalibrated=why.uncalibrated,
+            )
+        return Stages(
+            self.skeleton, self.lifted, self.hypotheses, self.rigs, self.rounds, calibration
+        )
+
+    def _calibration(self, first: int) -> Calibration:
+        selection = select_cameras(self.lifted, first, self.options)
+        self.rejected = list(selection.rejected)
+        self.step_s = common_step([self.lifted[c] for c in selection.cameras])
+        self.hypotheses = self._register(selection.cameras)
+        group = self._group(selection.cameras)
+        self.tick("integration", 0.0)
+        self.rigs = integrate(
+            group,
+            [h for h in self.hypotheses if h.a in group and h.b in group],
+            frame_s=self.step_s,
+            n_trees=self.options.integration.n_trees,
+            rng=np.random.default_rng(self.options.seed),
+        )
+        start, rival = self._best_start()
+        complaint = None if rival is None else _rivalry(start, rival, self.step_s)
+        while True:
+            self.rounds = self._iterate(start)
+            last = self.rounds[-1]
+            covariance = pose_covariance(last.observations, last.state)
+            found = evidence(self.lifted, self.skeleton, last, covariance, frame_s=self.step_s)
+            bad = [i for i, e in enumerate(found) if e.complaint() is not None]
+            if not bad or complaint or 2 * len(bad) >= len(found):
+                return self._verdict(covariance, complaint, found)
+            worst = min(bad, key=lambda i: found[i].inliers)
+            self._reject(last.rig, [worst], str(found[worst].complaint()))
+            start = self._start(sub_rig(last.rig, _all_but(len(found), [worst])))
+
+    def _register(self, cameras: Sequence[int]) -> tuple[PairHypothesis, ...]:
+        """Pairwise registration and two-view refinement of all pairs of cameras."""
+        start = min(float(self.lifted[c].stamps[0]) for c in cameras)
+        end = max(float(self.lifted[c].stamps[-1]) for c in cameras)
+        n = int((end - start) / self.step_s) + 1
+        grids = {
+            c: sample_camera(self.lifted[c], self.skeleton, start=start, step=self.step_s, n=n)
+            for c in cameras
+        }
+        max_lag = int(np.ceil(2.0 * self.options.offset_range_s / self.step_s))
+        o = self.options.registration
+        pairs = [(a, b) for i, a in enumerate(cameras) for b in cameras[i + 1 :]]
+        found: list[PairHypothesis] = []
+        for k, (a, b) in enumerate(pairs):
+            self.tick("pairwise registration", k / len(pairs))
+            registered = register_pair(a, b, grids[a], grids[b], max_lag, o)
+            found += registered
+            worth = [h for h in registered if h.support >= _WORTH_REFINING * registered[0].support]
+            refined = (refine_pair(self.lifted, h) for h in worth[: o.n_refined])
+            found += [h for h in refined if h is not None]
+        return tuple(found)
+
+    def _group(self, cameras: Sequence[int]) -> list[int]:
+        """The cameras that hang together: the reference's group if it has two, else the largest."""
+        position = {c: i for i, c in enumerate(cameras)}
+        groups = connected_groups(cameras, self.hypotheses)
+        kept = next((g for g in groups if cameras[0] in g and len(g) > 1), groups[0])
+        self._reject_groups([g for g in groups if g is not kept], kept)
+        if len(kept) < 2:
+            raise Insufficient(
+                Status.INSUFFICIENT_DATA,
+                "no two cameras see the same person move: check that their views overlap, that "
+                f"their clocks agree within {self.options.offset_range_s:g} s (offset_range_s), "
+                "and record longer",
+                self.rejected,
+            )
+        return sorted(kept, key=lambda c: position[c])
+
+    def _reject_groups(self, groups: Sequence[Sequence[int]], kept: Sequence[int]) -> None:
+        names = ", ".join(self.lifted[c].name for c in kept)
+        for group in groups:
+            for c in group:
+                others = [self.lifted[d].name for d in group if d != c]
+                reason = f"shares nobody's motion with {names}"
+                if others:
+                    reason += f"; it forms a separate group with {', '.join(others)}"
+                self.rejected.append(UncalibratedCamera(self.lifted[c].name, reason))
+
+    def _best_start(self) -> tuple[Round, Round | None]:
+        """First adjustment of the candidate rigs: the best fit, and a rival that fits as well."""
+        rivals = [r for r in self.rigs if r.support >= _RIVAL_SUPPORT * self.rigs[0].support]
+        rejected = list(self.rejected)
+        starts: list[tuple[Round, list[UncalibratedCamera]]] = []
+        why: Insufficient | None = None
+        for k, rig in enumerate(rivals):
+            self.tick("first adjustment", k / len(rivals))
+            self.rejected = list(rejected)
+            try:
+                starts.append((self._start(rig), self.rejected))
+            except Insufficient as reason:
+                why = why or reason
+        if not starts:
+            raise why or AssertionError("no rig was tried")
+        scale_px = max(_FIT_SCALE_PX, 2.0 * min(start.median_px for start, _ in starts))
+        starts.sort(key=lambda s: -s[0].fit(scale_px))
+        best, self.rejected = starts[0]
+        for other, _ in starts[1:]:
+            alike = other.fit(scale_px) > _AMBIGUOUS * best.fit(scale_px)
+            if alike and best.differs(other, self.step_s):
+                return best, other
+        return best, None
+
+    def _start(self, rig: Rig) -> Round:
+        """First round at a rig; cameras that fall off are reported and left out."""
+        while True:
+            result = first_round(self.lifted, rig, self.options.bundle, step_s=self.step_s)
+            if isinstance(result, Round):
+                return result
+            rig = self._largest(rig, result)
+
+    def _iterate(self, start: Round) -> tuple[Round, ...]:
+        while True:
+            result = iterate(
+                self.lifted,
+                start,
+                self.options.bundle,
+                step_s=self.step_s,
+                tick=lambda fraction: self.tick("bundle adjustment", fraction),
+            )
+            if not isinstance(result, Unconnected):
+                return result
+            start = self._start(self._largest(start.rig, result))
+
+    def _largest(self, rig: Rig, apart: Unconnected) -> Rig:
+        """The part of a rig that holds together; the reference's if it has two cameras."""
+        groups = apart.groups
+        kept = next((g for g in groups if 0 in g and len(g) > 1), groups[0])
+        self._reject_groups(
+            [rig.cameras[list(g)].tolist() for g in groups if g is not kept],
+            rig.cameras[list(kept)].tolist(),
+        )
+        if len(kept) < 2:
+            raise Insufficient(
+                Status.INSUFFICIENT_DATA,
+                "people could not be matched across views: too few of their image points fit any "
+                "two cameras; check the intrinsics, let views overlap more, and record longer",
+                self.rejected,
+            )
+        return sub_rig(rig, kept)
+
+    def _reject(self, rig: Rig, members: Sequence[int], reason: str) -> None:
+        names = [self.lifted[rig.cameras[i]].name for i in members]
+        self.rejected += [UncalibratedCamera(name, reason) for name in names]
+
+    def _verdict(
+        self, covariance: FloatArray, complaint: str | None, found: Sequence[CameraEvidence]
+    ) -> Calibration:
+        """The result, with its status."""
+        last = self.rounds[-1]
+        names = [self.lifted[c].name for c in last.rig.cameras]
+        doubts = [
+            f"{n}: {e.complaint()}" for n, e in zip(names, found, strict=True) if e.complaint()
+        ]
+        status, message = Status.OK, _summary(len(names), len(self.recording.cameras))
+        if complaint is not None:
+            status, message = Status.DEGENERATE, complaint
+        elif doubts:
+            status, message = Status.DEGENERATE, "; ".join(doubts)
+        elif len(self.rounds) > 1 and self.rounds[-2].differs(last, self.step_s):
+            status = Status.NOT_CONVERGED
+            message = "the adjustment had not settled after the last round: raise bundle.rounds"
+        return make_calibration(
+            self.recording,
+            self.lifted,
+            self.skeleton,
+            last,
+            covariance,
+            status=status,
+            message=message,
+            uncalibrated=self.rejected,
+        )
+
+
+def _summary(n: int, total: int) -> str:
+    return f"{n} of {total} cameras calibrated"
+
+
+def _all_but(n: int, left_out: Sequence[int]) -> list[int]:
+    return [i for i in range(n) if i not in left_out]
+
+
+def _rivalry(best: Round, other: Round, step_s: float) -> str:
+    """Say how two solutions that fit alike differ."""
+    if not np.array_equal(best.rig.cameras, other.rig.cameras):
+        return (
+            "two solutions with other cameras fit equally well: people are too alike or too few; "
+            "record a longer clip with people who move differently"
+        )
+    frames = np.abs(best.rig.offset_s - other.rig.offset_s).max() / step_s
+    return (
+        f"two solutions fit equally well; their clocks differ by {frames:.1f} frames and their "
+        "poses with them: motion that repeats itself, or people who move alike, do not tell them "
+        "apart; narrow offset_range_s or record more varied motion"
+    )

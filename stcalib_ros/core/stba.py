@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from stcalib_ros.core.averaging import Rig
 from stcalib_ros.core.geometry import exp_so3, triangulate
 from stcalib_ros.core.motion import local_cubic
 from stcalib_ros.core.observations import Observations
-from stcalib_ros.core.types import BoolArray, FloatArray
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _CAMERA = 7  # rotation, translation, offset
 _CAUCHY = 2.385
@@ -81,7 +82,7 @@ def initial_state(o: Observations, rig: Rig) -> BundleState:
     V = np.zeros((*weight.shape[:2], 3))
     for _ in range(2):
         centres = rig.t_ref_cam - o.phi[:, None, :, None] * V[:, :, None]
-        X, good = triangulate(centres, rays, weight)
+        X, good = triangulate(centres, rays, weight, refinements=1)
         X = np.where(good[..., None], X, 0.0)
         V = velocities(o, X, good)
     return BundleState(
@@ -112,20 +113,25 @@ def velocities(o: Observations, X: FloatArray, present: BoolArray) -> FloatArray
 def _persons(o: Observations) -> Iterator[slice]:
     edges = np.flatnonzero(np.diff(o.person)) + 1
     bounds = [0, *edges.tolist(), len(o.person)]
-    for begin, end in zip(bounds, bounds[1:], strict=False):
+    for begin, end in pairwise(bounds):
         if end > begin:
             yield slice(begin, end)
 
 
-def errors_px(o: Observations, state: BundleState) -> FloatArray:
-    """Reprojection errors (N, C, J), px; NaN where nothing was seen."""
+def residuals_px(o: Observations, state: BundleState) -> tuple[FloatArray, BoolArray]:
+    """Reprojection residuals (N, C, J, 2), px, and which of them take part and are finite."""
     when = (o.phi + state.shift_s)[..., None, None]
     X = state.X[:, None] + when * state.V[:, None]
-    Y = np.einsum("cab,ncjb->ncja", state.R_cam_ref, X, optimize=True)
-    Y += state.t_cam_ref[:, None]
+    Y = X @ np.swapaxes(state.R_cam_ref, -1, -2) + state.t_cam_ref[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        e = np.linalg.norm(Y[..., :2] / Y[..., 2:] - o.x, axis=-1) * o.focal
-    e[Y[..., 2] < _NEAREST] = np.inf
+        r = (Y[..., :2] / Y[..., 2:] - o.x) * o.focal[..., None]
+    r[Y[..., 2] < _NEAREST] = np.inf
+    return r, state.used & np.isfinite(r).all(-1)
+
+
+def errors_px(o: Observations, state: BundleState) -> FloatArray:
+    """Reprojection errors (N, C, J), px; NaN where nothing was seen or no point is known."""
+    e = np.linalg.norm(residuals_px(o, state)[0], axis=-1)
     return np.where(o.seen & (state.used.sum(1) >= 2)[:, None], e, np.nan)
 
 
@@ -257,13 +263,13 @@ class _Problem:
         flat = G.reshape(C, _CAMERA, 2 * P)
         H_cc = flat @ flat.transpose(0, 2, 1)
         g_c = (flat @ r.reshape(C, 2 * P, 1))[..., 0]
-        T = np.empty((3, C, _CAMERA, P))
+        W = np.empty((3, C, _CAMERA, P))
         for k in range(3):
-            np.multiply(G[:, :, 0], B[:, None, k, 0], out=T[k])
-            T[k] += G[:, :, 1] * B[:, None, k, 1]
+            np.multiply(G[:, :, 0], B[:, None, k, 0], out=W[k])
+            W[k] += G[:, :, 1] * B[:, None, k, 1]
         H_pp = np.einsum("caip,cbip->abp", B, B, optimize=True)
         factors = _cholesky3(H_pp, damping)
-        T = _forward_solve(factors, T).reshape(3, C * _CAMERA, P)
+        T = _forward_solve(factors, W).reshape(3, C * _CAMERA, P)
         z = _forward_solve(factors, np.einsum("cbip,cip->bp", B, r))
         H = -np.sum(T @ T.transpose(0, 2, 1), axis=0)
         for c in range(C):
@@ -306,7 +312,7 @@ class _Problem:
         )
 
 
-def gauge(t_cam_ref: FloatArray) -> tuple[FloatArray, FloatArray]:
+def gauge(t_cam_ref: FloatArray) -> tuple[IntArray, FloatArray]:
     """Free parameters and the direction of the scale among the camera unknowns.
 
     Returns
@@ -319,7 +325,7 @@ def gauge(t_cam_ref: FloatArray) -> tuple[FloatArray, FloatArray]:
     C = len(t_cam_ref)
     scale = np.zeros(_CAMERA * C)
     scale[_CAMERA + 3 : _CAMERA + 6] = t_cam_ref[1] / np.linalg.norm(t_cam_ref[1])
-    return np.arange(_CAMERA, _CAMERA * C), scale
+    return np.arange(_CAMERA, _CAMERA * C, dtype=np.int64), scale
 
 
 def solve_reduced(system: ReducedSystem, t_cam_ref: FloatArray) -> FloatArray:

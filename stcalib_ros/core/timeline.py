@@ -26,9 +26,9 @@ class GridTracks:
         Time of sample 0, by the clock of the camera.
     step : float
         Seconds between samples.
-    oriented : (P, N, D, 3) ndarray of float32
+    oriented : (P, N, D, 3) ndarray
         Weight times unit bone direction v in the optical frame; 0 where unknown.
-    weight : (P, N, D) ndarray of float32
+    weight : (P, N, D) ndarray
         Square root of the bone's length; 0 where unknown.
     position : (P, N, 3) ndarray
         Middle of the body in the optical frame, metres; NaN where unknown.
@@ -58,10 +58,10 @@ def sample_camera(
 ) -> GridTracks:
     """Sample the tracks of a camera at ``start + step * k`` by linear interpolation."""
     period = frame_period(camera.stamps)
-    times = start + step * np.arange(n)
+    times: FloatArray = start + step * np.arange(n, dtype=np.float64)
     P, D = len(camera.tracks), len(skeleton.directions)
-    oriented = np.zeros((P, n, D, 3), dtype=np.float32)
-    weight = np.zeros((P, n, D), dtype=np.float32)
+    oriented = np.zeros((P, n, D, 3))
+    weight = np.zeros((P, n, D))
     position = np.full((P, n, 3), np.nan)
     for p, track in enumerate(camera.tracks):
         at = Interpolation(camera.stamps[track.frames], times, max_gap=_MAX_GAP * period)
@@ -71,7 +71,9 @@ def sample_camera(
         missing = np.einsum("dj,nj->nd", skeleton.directions != 0, np.isnan(joints[..., 0]))
         length = np.linalg.norm(bones, axis=-1)
         known = (missing == 0) & (length > 1e-6)
-        typical = np.sqrt([np.median(length[k, d]) if k.any() else 0.0 for d, k in enumerate(known.T)])
+        typical = np.sqrt(
+            [np.median(length[k, d]) if k.any() else 0.0 for d, k in enumerate(known.T)]
+        )
         weight[p] = known * typical
         oriented[p] = bones * (weight[p] / np.maximum(length, 1e-6))[..., None]
         position[p] = body

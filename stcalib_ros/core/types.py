@@ -68,7 +68,8 @@ class Track:
     keypoints : (F, J, 2) ndarray
         Image positions, px; NaN where not seen.
     joints : (F, J, 3) ndarray
-        Monocular 3D pose in the axes of the optical frame, metres or up to scale; NaN where unknown.
+        Monocular 3D pose in the axes of the optical frame, metres or up to scale; NaN where
+        unknown.
     scores : (F, J) ndarray
         Confidence of each joint, 0..1.
     """
@@ -179,7 +180,7 @@ class PersonAssociation:
     reprojection_rms_px : float
         Of the inliers of this person.
     margin : float
-        How many times worse the next best assignment explains the same tracks; inf if there is none.
+        How many times worse the next best assignment is; inf if there is none.
     """
 
     person_id: int

@@ -1,0 +1,192 @@
+"""What must hold before anything is computed: cameras, clocks, images, motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.lift import LiftedCamera, LiftedTrack
+from stcalib_ros.core.options import Options
+from stcalib_ros.core.timeline import frame_period
+from stcalib_ros.core.types import FloatArray, Recording, Status, UncalibratedCamera
+
+_SMOOTHING_S = 0.25
+_MOVING_BODIES = 0.05
+"""Slow movement of the key points that counts as moving, as a share of the body's height."""
+
+
+class Insufficient(Exception):
+    """The data cannot be calibrated; becomes a `Calibration` with that status.
+
+    Attributes
+    ----------
+    status : Status
+    message : str
+    uncalibrated : tuple of UncalibratedCamera
+    """
+
+    def __init__(
+        self, status: Status, message: str, uncalibrated: Sequence[UncalibratedCamera] = ()
+    ) -> None:
+        super().__init__(message)
+        self.status, self.message = status, message
+        self.uncalibrated = tuple(uncalibrated)
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Cameras worth looking at (indices, the reference first) and the others with reasons."""
+
+    cameras: tuple[int, ...]
+    rejected: tuple[UncalibratedCamera, ...]
+
+
+def require_reference(recording: Recording, options: Options) -> int:
+    """Index of the reference camera.
+
+    Raises
+    ------
+    InputError
+        Two cameras have one name, or the reference is not among the cameras.
+    """
+    names = [camera.name for camera in recording.cameras]
+    if twice := sorted({n for n in names if names.count(n) > 1}):
+        raise InputError(f"two cameras are called {twice[0]!r}: give every camera its own name")
+    if options.reference is None:
+        return 0
+    if options.reference not in names:
+        raise InputError(
+            f"reference camera {options.reference!r} is not in the recording: "
+            f"there are {', '.join(names) or 'none'}"
+        )
+    return names.index(options.reference)
+
+
+def select_cameras(cameras: Sequence[LiftedCamera], first: int, options: Options) -> Selection:
+    """Cameras that see people and whose clocks can overlap.
+
+    Raises
+    ------
+    Insufficient
+        Fewer than two are left.
+    """
+    order = [first, *(i for i in range(len(cameras)) if i != first)]
+    if len(cameras) < 2:
+        only = cameras[0].name if cameras else "none"
+        raise Insufficient(
+            Status.INSUFFICIENT_DATA,
+            f"{len(cameras)} camera with poses ({only}): at least two that see the same people "
+            "are needed",
+        )
+    seeing = [i for i in order if cameras[i].tracks]
+    rejected = [
+        UncalibratedCamera(cameras[i].name, "no person with enough key points and 3D joints")
+        for i in order
+        if i not in seeing
+    ]
+    groups = _overlapping(cameras, seeing, options)
+    kept = max(groups, key=len, default=[])
+    for group in groups:
+        if group is not kept:
+            rejected += [_clock_rejection(cameras, i, kept, options) for i in group]
+    if len(kept) < 2:
+        raise Insufficient(Status.INSUFFICIENT_DATA, _no_overlap(rejected), rejected)
+    _require_motion([cameras[i] for i in kept])
+    return Selection(tuple(kept), tuple(rejected))
+
+
+def _no_overlap(rejected: Sequence[UncalibratedCamera]) -> str:
+    reasons = "; ".join(f"{camera.name}: {camera.reason}" for camera in rejected)
+    return f"fewer than two cameras can be compared: {reasons}"
+
+
+def _overlapping(
+    cameras: Sequence[LiftedCamera], members: Sequence[int], options: Options
+) -> list[list[int]]:
+    """Groups of cameras that may show enough common moments, in the given order."""
+    groups: list[list[int]] = []
+    for i in members:
+        near = [
+            g
+            for g in groups
+            if any(
+                _common_frames(cameras[i], cameras[j], options) >= options.min_common_frames
+                for j in g
+            )
+        ]
+        merged = [j for g in near for j in g] + [i]
+        groups = [g for g in groups if g not in near] + [merged]
+    return groups
+
+
+def _common_frames(a: LiftedCamera, b: LiftedCamera, options: Options) -> float:
+    """Images that the two can share at best, within the range of offsets."""
+    slack = 2.0 * options.offset_range_s
+    overlap = min(a.stamps[-1], b.stamps[-1] + slack) - max(a.stamps[0], b.stamps[0] - slack)
+    longest = min(a.stamps[-1] - a.stamps[0], b.stamps[-1] - b.stamps[0])
+    period = max(frame_period(a.stamps), frame_period(b.stamps))
+    return min(overlap, longest) / period + 1.0 if np.isfinite(period) else 1.0
+
+
+def _clock_rejection(
+    cameras: Sequence[LiftedCamera], i: int, kept: Sequence[int], options: Options
+) -> UncalibratedCamera:
+    camera = cameras[i]
+    begin, end = float(camera.stamps[0]), float(camera.stamps[-1])
+    others = (
+        min(float(cameras[j].stamps[0]) for j in kept),
+        max(float(cameras[j].stamps[-1]) for j in kept),
+    )
+    gap = max(begin - others[1], others[0] - end)
+    if gap > 2.0 * options.offset_range_s:
+        reason = (
+            f"its clock does not overlap with the others: {begin:.1f}..{end:.1f} s against "
+            f"{others[0]:.1f}..{others[1]:.1f} s, {gap:.1f} s apart with an offset range of "
+            f"+-{options.offset_range_s:g} s; widen offset_range_s or set its clock"
+        )
+    else:
+        reason = (
+            f"only {len(camera.stamps)} images and fewer than {options.min_common_frames} in "
+            "common with the others; record longer"
+        )
+    return UncalibratedCamera(camera.name, reason)
+
+
+def _require_motion(cameras: Sequence[LiftedCamera]) -> None:
+    movement = [movement_of(track, camera.stamps) for camera in cameras for track in camera.tracks]
+    most = max(movement, default=0.0)
+    if most < _MOVING_BODIES:
+        raise Insufficient(
+            Status.DEGENERATE,
+            f"nobody moves: key points wander by {100 * most:.1f} % of a body's height at most, "
+            f"{100 * _MOVING_BODIES:.0f} % are needed; have people walk through the scene",
+        )
+
+
+def movement_of(track: LiftedTrack, stamps: FloatArray) -> float:
+    """Slow movement of the key points of a track, as a share of its height in the image.
+
+    Noise from image to image is averaged away first.
+    """
+    period = frame_period(stamps)
+    width = max(1, round(_SMOOTHING_S / period)) if np.isfinite(period) else 1
+    if len(track.frames) < 2 * width:
+        return 0.0
+    known = np.isfinite(track.x)
+    values = np.where(known, track.x, 0.0)
+    total = np.cumsum(np.concatenate([np.zeros((1, *values.shape[1:])), values]), axis=0)
+    count = np.cumsum(np.concatenate([np.zeros((1, *values.shape[1:])), known]), axis=0)
+    n = count[width:] - count[:-width]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        smooth = np.where(n > width / 2, (total[width:] - total[:-width]) / n, np.nan)
+    seen = np.isfinite(smooth).sum(0) > 1
+    if not seen.any():
+        return 0.0
+    spread = np.nanpercentile(smooth[:, seen], 95, axis=0) - np.nanpercentile(
+        smooth[:, seen], 5, axis=0
+    )
+    height = np.nanmedian(np.nanmax(track.x[..., 1], axis=1) - np.nanmin(track.x[..., 1], axis=1))
+    return float(np.median(spread) / max(float(height), 1e-6))

@@ -1,0 +1,241 @@
+"""Iterated STBA (ISTBA): associate, adjust, drop what does not fit, again (Section IV)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stcalib_ros.core import stba
+from stcalib_ros.core.association import Association, associate
+from stcalib_ros.core.averaging import Rig
+from stcalib_ros.core.geometry import rotation_angle
+from stcalib_ros.core.lift import LiftedCamera
+from stcalib_ros.core.observations import Observations, observe
+from stcalib_ros.core.options import BundleOptions
+from stcalib_ros.core.types import FloatArray, IntArray
+
+_FIRST_FLOOR_PX = 15.0
+_FLOOR_PX = 8.0
+_FINAL_TOLERANCE = 0.05
+_TOLERANCE = 0.5
+_MAX_POINTS_FIRST = 5000
+_MIN_SHARED_POINTS = 100
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Round:
+    """What one round of association, adjustment and outlier removal left.
+
+    Attributes
+    ----------
+    rig : Rig
+        Poses and offsets after the adjustment.
+    association : Association
+        That the adjustment was made with.
+    observations : Observations
+    state : BundleState
+        Of the adjustment; `state.used` are the inliers.
+    median_px : float
+        Reprojection error of the inliers.
+    coverage : float
+        How many joints stand behind each joint of the observations.
+    """
+
+    rig: Rig
+    association: Association
+    observations: Observations
+    state: stba.BundleState
+    median_px: float
+    coverage: float
+
+    def fit(self, scale_px: float) -> float:
+        """How much of all that was seen this round explains, beyond what it was free to fit.
+
+        A robust count of image points, less one and a half for each joint position: three
+        unknowns take up as much of two coordinates. Two views always find some point that
+        suits them, so that a person split in two groups of cameras explains little.
+        """
+        errors = stba.errors_px(self.observations, self.state)
+        good = self.observations.seen & np.isfinite(errors)
+        value = (1.0 / (1.0 + (errors[good] / scale_px) ** 2)).sum()
+        n_points = (self.state.used.sum(1) >= 2).sum()
+        return float((value - 1.5 * n_points) * self.coverage)
+
+    def differs(self, other: Round, step_s: float) -> bool:
+        """The two are other solutions, not the same one found twice."""
+        if not np.array_equal(self.rig.cameras, other.rig.cameras):
+            return True
+        R = np.swapaxes(self.rig.R_ref_cam, -1, -2) @ other.rig.R_ref_cam
+        shifted = np.abs(self.rig.offset_s - other.rig.offset_s).max() / step_s
+        return bool(rotation_angle(R).max() > 0.1 or shifted > 1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unconnected:
+    """Groups of cameras (positions in the rig) that share too few image points; largest first."""
+
+    groups: tuple[tuple[int, ...], ...]
+
+
+def first_round(
+    cameras: Sequence[LiftedCamera], rig: Rig, o: BundleOptions, *, step_s: float
+) -> Round | Unconnected:
+    """Associate at the rig of the multi-view integration and adjust on a part of the joints."""
+    association = associate(cameras, rig, step_s=step_s, floor_px=_FIRST_FLOOR_PX)
+    return _round(cameras, rig, association, o, step_s, tolerance=1.0, max_points=_MAX_POINTS_FIRST)
+
+
+def next_round(
+    cameras: Sequence[LiftedCamera], before: Round, o: BundleOptions, *, step_s: float, last: bool
+) -> Round | Unconnected:
+    """Associate again, adjust without the outliers."""
+    association = associate(cameras, before.rig, step_s=step_s, floor_px=_FLOOR_PX)
+    tolerance = _FINAL_TOLERANCE if last else _TOLERANCE
+    return _round(
+        cameras, before.rig, association, o, step_s, tolerance=tolerance, drop=True, last=last
+    )
+
+
+def iterate(
+    cameras: Sequence[LiftedCamera],
+    first: Round,
+    o: BundleOptions,
+    *,
+    step_s: float,
+    tick: Callable[[float], None],
+) -> tuple[Round, ...] | Unconnected:
+    """Rounds until neither persons nor cameras change; the last one is solved to the end.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+    first : Round
+    o : BundleOptions
+    step_s : float
+    tick : callable
+        Called with the fraction done before each round.
+
+    Returns
+    -------
+    tuple of Round or Unconnected
+        The latter as soon as cameras fall apart.
+    """
+    done = [first]
+    while len(done) < o.rounds:
+        tick(len(done) / o.rounds)
+        settled = len(done) > 2 and _settled(done[-2], done[-1], step_s)
+        last = settled or len(done) == o.rounds - 1
+        result = next_round(cameras, done[-1], o, step_s=step_s, last=last)
+        if isinstance(result, Unconnected):
+            return result
+        done.append(result)
+        if last:
+            break
+    return tuple(done)
+
+
+def _settled(before: Round, after: Round, step_s: float) -> bool:
+    same = all(
+        np.array_equal(a, b)
+        for a, b in zip(before.association.person_of, after.association.person_of, strict=True)
+    )
+    baseline = float(np.linalg.norm(after.rig.t_ref_cam[1]))
+    moved = np.linalg.norm(after.rig.t_ref_cam - before.rig.t_ref_cam, axis=-1).max() / baseline
+    turned = np.abs(after.rig.R_ref_cam - before.rig.R_ref_cam).max()
+    shifted = np.abs(after.rig.offset_s - before.rig.offset_s).max() / step_s
+    return same and bool(max(moved, turned) < 1e-3 and shifted < 0.02)
+
+
+def _round(
+    cameras: Sequence[LiftedCamera],
+    rig: Rig,
+    association: Association,
+    o: BundleOptions,
+    step_s: float,
+    *,
+    tolerance: float,
+    max_points: int | None = None,
+    drop: bool = False,
+    last: bool = False,
+) -> Round | Unconnected:
+    observations = observe(cameras, rig, association, step_s=step_s)
+    J = observations.x.shape[2]
+    if max_points is not None:
+        observations = observations.every_joint(
+            min(-(-len(observations.person) * J // max_points), J // 4) or 1
+        )
+    state = stba.initial_state(observations, rig)
+    if drop:
+        state = drop_outliers(observations, state, o)
+    groups = connected(state.used)
+    if len(groups) > 1:
+        return Unconnected(tuple(groups))
+    state = stba.adjust(
+        observations,
+        state,
+        iterations=o.max_iterations,
+        tolerance=tolerance,
+        renew_velocities=last,
+    )
+    if last:
+        state = drop_outliers(observations, state, o)
+    errors = stba.errors_px(observations, state)
+    median = float(np.median(errors[state.used & np.isfinite(errors)]))
+    coverage = J / observations.x.shape[2]
+    return Round(_rig_of(state, rig), association, observations, state, median, coverage)
+
+
+def drop_outliers(o: Observations, state: stba.BundleState, b: BundleOptions) -> stba.BundleState:
+    """Leave out observations above three times the median error (Section IV)."""
+    errors = stba.errors_px(o, state)
+    inside = np.isfinite(errors) & o.seen
+    if not inside.any():
+        return replace(state, used=inside)
+    limit = max(
+        b.outlier_floor_px, b.outlier_factor * float(np.median(errors[inside & state.used]))
+    )
+    used = inside & (errors < limit)
+    return replace(state, used=used & (used.sum(1) >= 2)[:, None])
+
+
+def connected(used: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> list[tuple[int, ...]]:
+    """Cameras tied by at least a hundred common points, largest group first."""
+    seen = used.transpose(1, 0, 2).reshape(used.shape[1], -1).astype(np.float32)
+    shared: FloatArray = seen @ seen.T
+    left = list(range(len(shared)))
+    groups: list[tuple[int, ...]] = []
+    while left:
+        group, frontier = [left[0]], [left[0]]
+        while frontier:
+            c = frontier.pop()
+            new = [d for d in left if d not in group and shared[c, d] >= _MIN_SHARED_POINTS]
+            group += new
+            frontier += new
+        left = [c for c in left if c not in group]
+        groups.append(tuple(sorted(group)))
+    return sorted(groups, key=lambda g: (-len(g), g))
+
+
+def _rig_of(state: stba.BundleState, rig: Rig) -> Rig:
+    R_ref_cam = np.swapaxes(state.R_cam_ref, -1, -2)
+    return replace(
+        rig,
+        R_ref_cam=R_ref_cam,
+        t_ref_cam=-np.einsum("cij,cj->ci", R_ref_cam, state.t_cam_ref),
+        offset_s=rig.offset_s + state.shift_s,
+    )
+
+
+def sub_rig(rig: Rig, members: Sequence[int]) -> Rig:
+    """The rig of some of its cameras (positions), in the frame and clock of the first of them."""
+    pick: IntArray = np.array(members, dtype=np.int64)
+    R_0, t_0 = rig.R_ref_cam[pick[0]], rig.t_ref_cam[pick[0]]
+    return Rig(
+        rig.cameras[pick],
+        R_0.T @ rig.R_ref_cam[pick],
+        (rig.t_ref_cam[pick] - t_0) @ R_0,
+        rig.offset_s[pick] - rig.offset_s[pick[0]],
+        rig.support,
+    )
