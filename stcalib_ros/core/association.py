@@ -158,22 +158,19 @@ def _distance(a: _Samples, b: _Samples, R_a_b: FloatArray, t_a_b: FloatArray) ->
     P, Q, S = len(a.x), len(b.x), a.x.shape[1]
     epipolar, body = np.full((P, Q, S), np.inf), np.full((P, Q, S), np.inf)
     for s in range(S):
-        here, there = a.present[:, s].any(-1), b.present[:, s].any(-1)
-        if not here.any() or not there.any():
+        here = np.flatnonzero(a.present[:, s].any(-1))[:, None]
+        there = np.flatnonzero(b.present[:, s].any(-1))[None]
+        if not here.size or not there.size:
             continue
-        x_a, x_b = a.x[here, s][:, None], b.x[there, s][None]
-        shape = np.broadcast_shapes(x_a.shape, x_b.shape)
-        flat = (shape[0], shape[1], -1, 3)
-        r = sampson(
-            E, np.broadcast_to(x_a, shape).reshape(flat), np.broadcast_to(x_b, shape).reshape(flat)
+        x_a, x_b = (
+            one.x[who, s].reshape(*who.shape, -1, 3) for one, who in ((a, here), (b, there))
         )
-        focal = np.sqrt(a.focal[here, s][:, None] * b.focal[there, s][None]).reshape(
-            shape[0], shape[1], -1
+        focal = np.sqrt(
+            a.focal[here, s].reshape(*here.shape, -1) * b.focal[there, s].reshape(*there.shape, -1)
         )
-        both = (*np.ix_(here, there), s)
-        epipolar[both] = _median(np.abs(r) * focal, _MIN_SHARED)
-        apart = np.linalg.norm(a.body[here, s][:, None] - b.body[there, s][None], axis=-1)
-        body[both] = _median(apart, 1)
+        epipolar[here, there, s] = _median(np.abs(sampson(E, x_a, x_b)) * focal, _MIN_SHARED)
+        apart = np.linalg.norm(a.body[here, s] - b.body[there, s], axis=-1)
+        body[here, there, s] = _median(apart, 1)
     return _Distance(epipolar, body)
 
 
@@ -289,11 +286,10 @@ class _Chain:
             for c, p in group:
                 if (person := self.last[c][p]) >= 0:
                     votes[g, person] += 1.0
-        person_of_group: dict[int, int] = {}
         rows, columns = linear_sum_assignment(votes, maximize=True)
-        for g, best in zip(rows.tolist(), columns.tolist(), strict=True):
-            if votes[g, best] > 0:
-                person_of_group[g] = best
+        person_of_group = {
+            int(g): int(best) for g, best in zip(rows, columns, strict=True) if votes[g, best] > 0
+        }
         for g, group in enumerate(groups):
             if g not in person_of_group:
                 person_of_group[g] = self.n_persons

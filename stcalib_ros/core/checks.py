@@ -14,7 +14,7 @@ from stcalib_ros.core.timeline import frame_period
 from stcalib_ros.core.types import FloatArray, Recording, Status, UncalibratedCamera
 
 _SMOOTHING_S = 0.25
-_MOVING_BODIES = 0.05
+_MOVING_BODIES = 0.03
 """Slow movement of the key points that counts as moving, as a share of the body's height."""
 
 
@@ -167,26 +167,31 @@ def _require_motion(cameras: Sequence[LiftedCamera]) -> None:
 
 
 def movement_of(track: LiftedTrack, stamps: FloatArray) -> float:
-    """Slow movement of the key points of a track, as a share of its height in the image.
+    """Slow movement of the limbs that move most, as a share of the body's height in the image.
 
-    Noise from image to image is averaged away first.
+    The range of the key points in time (10 % to 90 %, so that short exchanges of left and
+    right do not count), after noise from image to image has been averaged away; of the
+    joints, the 90th percentile, since people may move their arms only.
     """
     period = frame_period(stamps)
     width = max(1, round(_SMOOTHING_S / period)) if np.isfinite(period) else 1
-    if len(track.frames) < 2 * width:
+    F = len(track.frames)
+    if 2 * width > F:
         return 0.0
-    known = np.isfinite(track.x)
-    values = np.where(known, track.x, 0.0)
-    total = np.cumsum(np.concatenate([np.zeros((1, *values.shape[1:])), values]), axis=0)
-    count = np.cumsum(np.concatenate([np.zeros((1, *values.shape[1:])), known]), axis=0)
-    n = count[width:] - count[:-width]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        smooth = np.where(n > width / 2, (total[width:] - total[:-width]) / n, np.nan)
-    seen = np.isfinite(smooth).sum(0) > 1
-    if not seen.any():
-        return 0.0
-    spread = np.nanpercentile(smooth[:, seen], 95, axis=0) - np.nanpercentile(
-        smooth[:, seen], 5, axis=0
-    )
-    height = np.nanmedian(np.nanmax(track.x[..., 1], axis=1) - np.nanmin(track.x[..., 1], axis=1))
-    return float(np.median(spread) / max(float(height), 1e-6))
+    known = np.isfinite(track.x[..., 0])
+    n = _moving_sum(known.astype(float), width)
+    smooth = _moving_sum(np.where(known[..., None], track.x, 0.0), width)
+    smooth /= np.maximum(n, 1.0)[..., None]
+    use = n > width / 2
+    mean = (smooth * use[..., None]).sum(0) / np.maximum(use.sum(0), 1)[:, None]
+    low, high = np.quantile(np.where(use[..., None], smooth, mean), [0.1, 0.9], axis=0)
+    y = np.where(known, track.x[..., 1], 0.0)
+    height = np.median(y.max(1, where=known, initial=-1e9) - y.min(1, where=known, initial=1e9))
+    span = np.linalg.norm(high - low, axis=-1)
+    return float(np.percentile(span, 90) / max(float(height), 1e-6))
+
+
+def _moving_sum(values: FloatArray, width: int) -> FloatArray:
+    """Sums over `width` successive entries of the first axis."""
+    total = np.cumsum(np.concatenate([np.zeros_like(values[:1]), values]), axis=0)
+    return np.asarray(total[width:] - total[:-width])

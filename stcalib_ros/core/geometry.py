@@ -178,7 +178,7 @@ def _first_inverse(pixels: FloatArray, intrinsics: Intrinsics) -> FloatArray:
 def _lens_jacobian(x: FloatArray, intrinsics: Intrinsics) -> tuple[FloatArray, FloatArray]:
     """Pixels of points on the plane z = 1, and their derivatives (N, 2, 2)."""
     step = 1e-6
-    finite: BoolArray = np.isfinite(x).all(-1)
+    finite = np.asarray(np.isfinite(x).all(-1))
     rays = np.concatenate([np.where(finite[:, None], x, 0.0), np.ones((len(x), 1))], -1)
     columns = [
         (project(rays + step * e, intrinsics) - project(rays - step * e, intrinsics)) / (2 * step)

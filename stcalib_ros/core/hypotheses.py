@@ -154,7 +154,7 @@ class _Vote:
         value = best_rotation_trace(S) - self.threshold * mass
         best = value.argmax(0)
         k = np.arange(len(R))
-        matched = chosen.any((1, 2))
+        matched = np.asarray(chosen.any((1, 2)))
         refit = np.where(matched[:, None, None], best_rotation(S[best, k]), R)
         return refit, np.where(matched, nearby[best, k], lag)
 
@@ -189,7 +189,7 @@ class _Vote:
         k = np.arange(max(0, -lag), min(n, n - lag))
         here, there = self.a.position[pairs[:, 0]][:, k], self.b.position[pairs[:, 1]][:, k + lag]
         difference = here - there @ R.T
-        both: BoolArray = np.isfinite(difference[..., 0])
+        both = np.asarray(np.isfinite(difference[..., 0]))
         t = np.empty((len(pairs), 3))
         for i, use in enumerate(both):
             at = np.flatnonzero(use)

@@ -146,41 +146,43 @@ def layout_from_names(
 
 
 _H36M_17 = (
-    "pelvis right_hip right_knee right_ankle left_hip left_knee left_ankle spine thorax neck head "
-    "left_shoulder left_elbow left_wrist right_shoulder right_elbow right_wrist"
+    "pelvis right_hip right_knee right_ankle left_hip left_knee left_ankle spine thorax neck "
+    "head left_shoulder left_elbow left_wrist right_shoulder right_elbow right_wrist"
 ).split()
 _COCO_17 = (
-    "nose left_eye right_eye left_ear right_ear left_shoulder right_shoulder left_elbow right_elbow "
-    "left_wrist right_wrist left_hip right_hip left_knee right_knee left_ankle right_ankle"
+    "nose left_eye right_eye left_ear right_ear left_shoulder right_shoulder left_elbow "
+    "right_elbow left_wrist right_wrist left_hip right_hip left_knee right_knee left_ankle "
+    "right_ankle"
 ).split()
 _COCO_19 = (
     "neck nose pelvis left_shoulder left_elbow left_wrist left_hip left_knee left_ankle "
-    "right_shoulder right_elbow right_wrist right_hip right_knee right_ankle "
-    "left_eye left_ear right_eye right_ear"
+    "right_shoulder right_elbow right_wrist right_hip right_knee right_ankle left_eye left_ear "
+    "right_eye right_ear"
 ).split()
 _BODY_25 = (
-    "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist pelvis "
-    "right_hip right_knee right_ankle left_hip left_knee left_ankle right_eye left_eye right_ear "
-    "left_ear left_big_toe left_small_toe left_heel right_big_toe right_small_toe right_heel"
+    "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist "
+    "pelvis right_hip right_knee right_ankle left_hip left_knee left_ankle right_eye left_eye "
+    "right_ear left_ear left_big_toe left_small_toe left_heel right_big_toe right_small_toe "
+    "right_heel"
 ).split()
 _BLAZEPOSE_33 = (
-    "nose left_eye_inner left_eye left_eye_outer right_eye_inner right_eye right_eye_outer left_ear "
-    "right_ear mouth_left mouth_right left_shoulder right_shoulder left_elbow right_elbow left_wrist "
-    "right_wrist left_pinky right_pinky left_index right_index left_thumb right_thumb left_hip "
-    "right_hip left_knee right_knee left_ankle right_ankle left_heel right_heel left_foot_index "
-    "right_foot_index"
+    "nose left_eye_inner left_eye left_eye_outer right_eye_inner right_eye right_eye_outer "
+    "left_ear right_ear mouth_left mouth_right left_shoulder right_shoulder left_elbow "
+    "right_elbow left_wrist right_wrist left_pinky right_pinky left_index right_index "
+    "left_thumb right_thumb left_hip right_hip left_knee right_knee left_ankle right_ankle "
+    "left_heel right_heel left_foot_index right_foot_index"
 ).split()
 _SMPL_24 = (
     "pelvis left_hip right_hip spine1 left_knee right_knee spine2 left_ankle right_ankle spine3 "
-    "left_foot right_foot neck left_collar right_collar head left_shoulder right_shoulder left_elbow "
-    "right_elbow left_wrist right_wrist left_hand right_hand"
+    "left_foot right_foot neck left_collar right_collar head left_shoulder right_shoulder "
+    "left_elbow right_elbow left_wrist right_wrist left_hand right_hand"
 ).split()
 _BODY_38 = (
     "pelvis spine1 spine2 spine3 neck nose left_eye right_eye left_ear right_ear left_collar "
-    "right_collar left_shoulder right_shoulder left_elbow right_elbow left_wrist right_wrist left_hip "
-    "right_hip left_knee right_knee left_ankle right_ankle left_big_toe right_big_toe left_small_toe "
-    "right_small_toe left_heel right_heel left_thumb right_thumb left_index right_index "
-    "left_middle right_middle left_pinky right_pinky"
+    "right_collar left_shoulder right_shoulder left_elbow right_elbow left_wrist right_wrist "
+    "left_hip right_hip left_knee right_knee left_ankle right_ankle left_big_toe right_big_toe "
+    "left_small_toe right_small_toe left_heel right_heel left_thumb right_thumb left_index "
+    "right_index left_middle right_middle left_pinky right_pinky"
 ).split()
 
 LAYOUTS: dict[str, Layout] = {

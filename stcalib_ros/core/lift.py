@@ -130,8 +130,8 @@ def lift(joints: FloatArray, x: FloatArray, *, steps: int = 2) -> FloatArray:
         Joints in the optical frame; NaN for frames with fewer than six usable joints or
         with a person that would be behind the camera.
     """
-    known: BoolArray = np.isfinite(joints).all(-1)
-    used: BoolArray = known & np.isfinite(x).all(-1)
+    known = np.asarray(np.isfinite(joints).all(-1))
+    used = np.asarray(known & np.isfinite(x).all(-1))
     enough = used.sum(-1) >= _MIN_JOINTS
     Y = np.where(known[..., None], joints, 0.0)
     centre = Y.sum(1, keepdims=True) / np.maximum(known.sum(-1), 1)[:, None, None]

@@ -38,7 +38,7 @@ Progress = Callable[[str, float], None]
 _WORTH_REFINING = 0.2
 _RIVAL_SUPPORT = 0.5
 _AMBIGUOUS = 0.98
-_FIT_SCALE_PX = 8.0
+_FIT_SCALE_PX = 12.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,7 +176,13 @@ class _Run:
             self.rounds = self._iterate(start)
             last = self.rounds[-1]
             covariance = pose_covariance(last.observations, last.state)
-            found = evidence(self.lifted, self.skeleton, last, covariance, frame_s=self.step_s)
+            found = evidence(
+                self.lifted,
+                self.skeleton,
+                last,
+                covariance,
+                offset_range_s=self.options.offset_range_s,
+            )
             bad = [i for i, e in enumerate(found) if e.complaint() is not None]
             if not bad or complaint or 2 * len(bad) >= len(found):
                 return self._verdict(covariance, complaint, found)

@@ -7,7 +7,7 @@ as their size says.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.rounds import Round
 from stcalib_ros.core.skeleton import Skeleton
+from stcalib_ros.core.stba import persons_of
 from stcalib_ros.core.timeline import Interpolation, frame_period
 from stcalib_ros.core.types import FloatArray, IntArray, PairResidual
 
@@ -29,6 +30,10 @@ MAX_OFFSET_STDDEV_FRAMES = 1.0
 MAX_BONE_ROTATION = 0.6
 DEPTH_RATIO = 1.6
 MIN_INLIER_SHARE = 0.4
+MIN_OFFSET_CONTRAST = 1.1
+_FAR_FRAMES = 3
+_CONTRAST_SCALE = 2.0
+_CONTRAST_JOINTS = 6
 _MAX_GAP = 2.6
 
 
@@ -53,6 +58,8 @@ class CameraEvidence:
     depth_ratio : float
         Distance of people by triangulation over distance by their size, relative to the
         other cameras.
+    offset_contrast : float
+        How many times worse the best other offset, three frames or more away, fits.
     """
 
     inliers: int
@@ -62,6 +69,7 @@ class CameraEvidence:
     offset_stddev_frames: float
     bone_rotation: float
     depth_ratio: float
+    offset_contrast: float
 
     def complaint(self) -> str | None:
         """The first thing that is wrong, with its number and what would help; None if nothing."""
@@ -99,6 +107,12 @@ class CameraEvidence:
                 f"its position is uncertain by {100 * self.centre_stddev:.0f} % of its distance "
                 "to the next camera: let people walk across more of its view"
             )
+        if not self.offset_contrast > MIN_OFFSET_CONTRAST:
+            return (
+                "its clock offset cannot be told: one that is three frames or more away fits as "
+                f"well (error {self.offset_contrast:.2f} times as large, {MIN_OFFSET_CONTRAST:.2f} "
+                "needed); people have to move more, and not in the same rhythm all the time"
+            )
         if not self.offset_stddev_frames < MAX_OFFSET_STDDEV_FRAMES:
             return (
                 f"its clock offset is uncertain by {self.offset_stddev_frames:.1f} frames: "
@@ -113,7 +127,7 @@ def evidence(
     last: Round,
     covariance: FloatArray,
     *,
-    frame_s: float,
+    offset_range_s: float,
 ) -> tuple[CameraEvidence, ...]:
     """Evidence on every camera of the rig, the reference included.
 
@@ -125,10 +139,11 @@ def evidence(
     last : Round
     covariance : (7 C, 7 C) ndarray
         As `covariance.pose_covariance` gives it.
-    frame_s : float
-        Frame period, seconds.
+    offset_range_s : float
+        Other offsets are tried within plus and minus this.
     """
-    C = len(last.rig.cameras)
+    C, frame_s = len(last.rig.cameras), last.observations.step_s
+    contrast = offset_contrasts(last, max_shift=int(np.ceil(offset_range_s / frame_s)))
     used, seen = last.state.used.sum((0, 2)), last.observations.seen.sum((0, 2))
     centres = last.rig.t_ref_cam
     apart = np.linalg.norm(centres[:, None] - centres[None], axis=-1) + np.diag([np.inf] * C)
@@ -151,9 +166,82 @@ def evidence(
                 offset_stddev_frames=float(np.sqrt(max(block[6, 6], 0.0))) / frame_s,
                 bone_rotation=float(np.nanmin(turned[c], initial=np.inf)),
                 depth_ratio=float(depth[c]),
+                offset_contrast=float(contrast[c]) if c else float("inf"),
             )
         )
     return tuple(found)
+
+
+def offset_contrasts(last: Round, *, max_shift: int) -> FloatArray:
+    """Error (C,) of each camera's best other offset over its error at the offset found.
+
+    The error is the epipolar distance to the points of the other cameras, shifted by whole
+    knots: it owes nothing to the triangulated points. Where nobody moves, all shifts fit
+    alike and the contrast is one.
+    """
+    C = len(last.rig.cameras)
+    shifts = np.array(
+        [d for d in range(-max_shift, max_shift + 1) if abs(d) >= _FAR_FRAMES or not d]
+    )
+    scale = _CONTRAST_SCALE * max(last.association.typical_px, 1.0)
+    total, count = np.zeros((C, len(shifts))), np.zeros((C, len(shifts)))
+    for path in _image_paths(last):
+        for a in range(C):
+            for b in range(a + 1, C):
+                h = _hypothesis(last.rig, a, b, ())
+                E = hat(h.t_a_b / np.linalg.norm(h.t_a_b)) @ h.R_a_b
+                cost, n = _shifted_costs(E, path[a], path[b], shifts, scale)
+                for c, order in ((a, slice(None, None, -1)), (b, slice(None))):
+                    total[c] += cost[order]
+                    count[c] += n[order]
+    mean = np.where(count >= MIN_INLIERS, total / np.maximum(count, 1), np.inf)
+    present = mean[:, shifts == 0][:, 0]
+    return np.asarray(mean[:, shifts != 0].min(1, initial=np.inf) / np.maximum(present, 1e-12))
+
+
+def _shifted_costs(
+    E: FloatArray, a: FloatArray, b: FloatArray, shifts: IntArray, scale: float
+) -> tuple[FloatArray, FloatArray]:
+    """Robust epipolar cost of knots k of a with knots k + shift of b, and how many there are."""
+    n = len(a)
+    cost, count = np.zeros(len(shifts)), np.zeros(len(shifts))
+    for k, d in enumerate(shifts):
+        if n - abs(d) > 0:
+            here, there = a[max(0, -d) : n - max(0, d)], b[max(0, d) : n - max(0, -d)]
+            focal = np.sqrt(here[..., 3] * there[..., 3])
+            r = sampson(E, here[..., :3], there[..., :3]) * focal / scale
+            good = np.isfinite(r)
+            cost[k], count[k] = np.log1p(r[good] ** 2).sum(), good.sum()
+    return cost, count
+
+
+def _image_paths(last: Round) -> Iterator[FloatArray]:
+    """Points (C, K, J, 4) of one person after the other: x, y, 1 on the plane z = 1 and focal.
+
+    Brought to the time of their knots by the motion model; a few joints; NaN where not used.
+    """
+    o, state = last.observations, last.state
+    joints = slice(None, None, max(1, o.x.shape[2] // _CONTRAST_JOINTS))
+    R = np.swapaxes(state.R_cam_ref, -1, -2)
+    for rows in persons_of(o):
+        X = state.X[rows, None, joints]
+        moved = X + (o.phi[rows] + state.shift_s)[..., None, None] * state.V[rows, None, joints]
+        at_knot, at_image = (Y @ R + state.t_cam_ref[:, None] for Y in (X, moved))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            motion = at_image[..., :2] / at_image[..., 2:] - at_knot[..., :2] / at_knot[..., 2:]
+        points = np.concatenate(
+            [
+                o.x[rows, :, joints] - motion,
+                np.ones_like(motion[..., :1]),
+                o.focal[rows, :, joints, None],
+            ],
+            -1,
+        )
+        points[~state.used[rows, :, joints]] = np.nan
+        knots = o.knot[rows] - o.knot[rows][0]
+        path = np.full((points.shape[1], int(knots[-1]) + 1, *points.shape[2:]), np.nan)
+        path[:, knots] = np.moveaxis(points, 1, 0)
+        yield path
 
 
 def matches_of(last: Round, a: int, b: int) -> tuple[tuple[int, int], ...]:

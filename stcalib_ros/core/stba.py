@@ -101,7 +101,7 @@ def _rays(o: Observations, rig: Rig) -> FloatArray:
 def velocities(o: Observations, X: FloatArray, present: BoolArray) -> FloatArray:
     """Velocities (N, J, 3), per second, by a local cubic fit along each person's knots."""
     V = np.zeros_like(X)
-    for rows in _persons(o):
+    for rows in persons_of(o):
         knots = o.knot[rows] - o.knot[rows][0]
         n = int(knots[-1]) + 1
         path, there = np.zeros((n, *X.shape[1:])), np.zeros((n, X.shape[1]), dtype=bool)
@@ -110,7 +110,8 @@ def velocities(o: Observations, X: FloatArray, present: BoolArray) -> FloatArray
     return V
 
 
-def _persons(o: Observations) -> Iterator[slice]:
+def persons_of(o: Observations) -> Iterator[slice]:
+    """Rows of one person after the other."""
     edges = np.flatnonzero(np.diff(o.person)) + 1
     bounds = [0, *edges.tolist(), len(o.person)]
     for begin, end in pairwise(bounds):

@@ -1,0 +1,109 @@
+"""The people of a calibration: their joints in 3D over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core import stba
+from stcalib_ros.core.layouts import Layout
+from stcalib_ros.core.pipeline import Stages
+from stcalib_ros.core.rounds import Round
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+
+_LINES = (
+    ("left_shoulder", "right_shoulder"),
+    ("left_hip", "right_hip"),
+    ("left_shoulder", "left_hip"),
+    ("right_shoulder", "right_hip"),
+)
+"""Drawn in layouts that have no joints between hips and shoulders."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PersonTrajectory:
+    """One person's joints over time, as the adjusted cameras see them.
+
+    Attributes
+    ----------
+    person_id : int
+        As in `PersonAssociation`.
+    layout : Layout
+        Names and parents of the J joints.
+    times_s : (K,) ndarray
+        By the reference clock, seconds since `Recording.epoch_ns`, uniform.
+    joints_ref : (K, J, 3) ndarray
+        In the reference frame, in the calibration's unit; NaN where fewer than two cameras have
+        image points that fit.
+    """
+
+    person_id: int
+    layout: Layout
+    times_s: FloatArray
+    joints_ref: FloatArray
+
+
+def reconstruct(stages: Stages) -> tuple[PersonTrajectory, ...]:
+    """Joints of all persons of a calibration, in their order.
+
+    Empty if there are no camera poses.
+    """
+    unit = unit_of(stages)
+    return tuple(
+        _trajectory(person.person_id, stages, rows, unit)
+        for person, rows in zip(stages.calibration.persons, person_rows(stages), strict=True)
+    )
+
+
+def person_rows(stages: Stages) -> tuple[IntArray, ...]:
+    """Rows of the last round's observations that show each person of the calibration."""
+    if not stages.calibration.persons:
+        return ()
+    rows = _rows_by_error(stages.rounds[-1])
+    return tuple(
+        rows[min(rows, key=lambda error: abs(error - person.reprojection_rms_px))]
+        for person in stages.calibration.persons
+    )
+
+
+def unit_of(stages: Stages) -> float:
+    """Factor from lengths of the adjustment to those of the calibration; 1 without poses."""
+    published = np.array([camera.t_ref_cam for camera in stages.calibration.cameras])
+    if not len(published):
+        return 1.0
+    return float(np.linalg.norm(published) / np.linalg.norm(stages.rounds[-1].rig.t_ref_cam))
+
+
+def bones(layout: Layout) -> tuple[tuple[int, int], ...]:
+    """Pairs of joints to draw a line between: every bone, and the trunk where it has none."""
+    pairs = [(p, j) for j, p in enumerate(layout.parents) if p >= 0]
+    names = layout.joint_names
+    if not {"spine", "spine1", "neck", "pelvis"} & set(names):
+        pairs += [(names.index(a), names.index(b)) for a, b in _LINES if {a, b} <= set(names)]
+    return tuple(pairs)
+
+
+def _rows_by_error(last: Round) -> Mapping[float, IntArray]:
+    """Rows of every person of the adjustment, by the reprojection error (rms, px) he has."""
+    o = last.observations
+    errors = stba.errors_px(o, last.state)
+    good = last.state.used & np.isfinite(errors)
+    found: dict[float, IntArray] = {}
+    for person in np.unique(o.person):
+        rows = np.flatnonzero(o.person == person)
+        if good[rows].any():
+            e = errors[rows][good[rows]]
+            found[float(np.sqrt((e**2).mean()))] = rows
+    return found
+
+
+def _trajectory(person_id: int, stages: Stages, rows: IntArray, unit: float) -> PersonTrajectory:
+    o, state = stages.rounds[-1].observations, stages.rounds[-1].state
+    knots = o.knot[rows] - o.knot[rows[0]]
+    known: BoolArray = state.used[rows].sum(1) >= 2
+    joints = np.full((int(knots[-1]) + 1, *state.X.shape[1:]), np.nan)
+    joints[knots] = np.where(known[..., None], unit * state.X[rows], np.nan)
+    times = o.start_s + o.step_s * (o.knot[rows[0]] + np.arange(len(joints)))
+    return PersonTrajectory(person_id, stages.skeleton.layout, times, joints)
