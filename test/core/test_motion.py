@@ -1,0 +1,101 @@
+"""Velocities and smooth positions of trajectories with gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import savgol_filter
+
+from stcalib_ros.core.motion import local_cubic
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def cubic(rng, n, J=2):
+    k = np.arange(n) - n / 2
+    c = rng.normal(size=(4, J, 3)) * np.array([1, 0.3, 0.03, 0.003])[:, None, None]
+    X = sum(c[a] * k[:, None, None] ** a for a in range(4))
+    V = sum(a * c[a] * k[:, None, None] ** (a - 1) for a in range(1, 4))
+    return X, V
+
+
+def samples_in_window(present):
+    n = len(present)
+    return np.array([present[max(0, i - 3) : min(n, i + 4)].sum(0) for i in range(n)])
+
+
+@given(seeds)
+def test_a_cubic_without_gaps_is_exact(seed):
+    X, V = cubic(np.random.default_rng(seed), 20)
+    velocity, smooth = local_cubic(X, np.ones(X.shape[:2], dtype=bool))
+    inner = slice(3, -3)
+    np.testing.assert_allclose(velocity[inner], V[inner], atol=1e-9)
+    np.testing.assert_allclose(smooth[inner], X[inner], atol=1e-9)
+
+
+@given(seeds)
+def test_a_cubic_with_gaps_is_exact_while_four_samples_are_near(seed):
+    rng = np.random.default_rng(seed)
+    X, V = cubic(rng, 40)
+    present = rng.uniform(size=X.shape[:2]) < 0.75
+    near = samples_in_window(present) >= 4
+    velocity, smooth = local_cubic(np.where(present[..., None], X, 1e3), present)
+    # The ridge that keeps lonely samples quiet leaves 1e-4 of the higher terms.
+    np.testing.assert_allclose(velocity[near], V[near], atol=5e-3)
+    np.testing.assert_allclose(smooth[near], X[near], atol=5e-3)
+
+
+def test_the_middle_is_the_filter_of_savitzky_and_golay(rng):
+    X = rng.normal(size=(30, 4, 3))
+    velocity, smooth = local_cubic(X, np.ones((30, 4), dtype=bool))
+    inner = slice(3, -3)
+    np.testing.assert_allclose(
+        velocity[inner], savgol_filter(X, 7, 3, deriv=1, axis=0)[inner], atol=1e-12
+    )
+    np.testing.assert_allclose(smooth[inner], savgol_filter(X, 7, 3, axis=0)[inner], atol=1e-12)
+
+
+def test_what_is_not_present_is_not_read(rng):
+    X = rng.normal(size=(20, 3, 3))
+    present = rng.uniform(size=(20, 3)) < 0.6
+    other = np.where(present[..., None], X, 1e6)
+    for one, two in zip(local_cubic(X, present), local_cubic(other, present), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_where_nothing_is_near_nothing_moves(rng):
+    X = rng.normal(size=(30, 1, 3))
+    present = np.zeros((30, 1), dtype=bool)
+    present[[4, 25]] = True
+    velocity, smooth = local_cubic(X, present)
+    far = samples_in_window(present)[:, 0] == 0
+    assert far.sum() == 30 - 14
+    assert not velocity[far].any()
+    assert not smooth[far].any()
+
+
+def test_a_lonely_sample_stands_still(rng):
+    X = rng.normal(size=(15, 1, 3))
+    present = np.zeros((15, 1), dtype=bool)
+    present[7] = True
+    velocity, smooth = local_cubic(X, present)
+    np.testing.assert_allclose(velocity[7], 0, atol=1e-9)
+    np.testing.assert_allclose(smooth[7], X[7], atol=1e-6)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 6])
+def test_short_trajectories_are_finite(rng, n):
+    X = rng.normal(size=(n, 2, 3))
+    for values in local_cubic(X, np.ones((n, 2), dtype=bool)):
+        assert values.shape == X.shape
+        assert np.isfinite(values).all()
+
+
+def test_a_steady_pace_is_read_off_two_neighbours():
+    X = np.arange(8.0)[:, None, None] * [[1.0, -2.0, 0.5]]
+    present = np.zeros((8, 1), dtype=bool)
+    present[[3, 4]] = True
+    velocity, _ = local_cubic(X, present)
+    np.testing.assert_allclose(velocity[[3, 4], 0], [[1.0, -2.0, 0.5]] * 2, rtol=0.03)

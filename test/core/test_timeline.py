@@ -1,0 +1,157 @@
+"""Samples at irregular times read off at others, gaps left open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from core_helpers import FRAME_S
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stcalib_ros.core.timeline import (
+    Interpolation,
+    common_step,
+    frame_period,
+    joints_centre,
+    sample_camera,
+    track_span,
+)
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+@given(seeds, st.floats(-3, 3), st.floats(-3, 3))
+def test_linear_signals_are_exact(seed, slope, value):
+    rng = np.random.default_rng(seed)
+    stamps = np.cumsum(rng.uniform(0.5, 1.5, 20))
+    times = rng.uniform(stamps[0], stamps[-1], 30)
+    at = Interpolation(stamps, times, max_gap=2.0)
+    signal = value + slope * stamps[:, None]
+    np.testing.assert_allclose(at(signal), value + slope * times[:, None], atol=1e-9)
+    np.testing.assert_allclose(at.rate(signal), slope, atol=1e-9)
+
+
+def test_samples_themselves_are_returned():
+    stamps = np.array([0.0, 1.0, 2.5, 3.0])
+    values = np.array([[3.0], [1.0], [4.0], [1.0]])
+    np.testing.assert_allclose(Interpolation(stamps, stamps, max_gap=2.0)(values), values)
+
+
+def test_gaps_are_not_bridged_and_nothing_is_known_outside():
+    stamps = np.array([0.0, 1.0, 2.0, 5.0, 6.0])
+    times = np.array([-0.1, 0.5, 1.5, 2.1, 3.5, 4.9, 5.5, 6.1])
+    at = Interpolation(stamps, times, max_gap=2.6)
+    expected = [np.nan, 0.5, 1.5, np.nan, np.nan, np.nan, 5.5, np.nan]
+    np.testing.assert_allclose(at(stamps), expected)
+    np.testing.assert_array_equal(np.isfinite(at.rate(stamps)), np.isfinite(expected))
+
+
+def test_an_unknown_sample_makes_its_neighbourhood_unknown():
+    at = Interpolation(np.arange(4.0), np.array([0.5, 1.5, 2.5]), max_gap=2.0)
+    np.testing.assert_allclose(at(np.array([0.0, 1.0, np.nan, 3.0])), [0.5, np.nan, np.nan])
+
+
+@pytest.mark.parametrize("time", [0.9, 1.0, 1.1])
+def test_one_sample_is_no_interval(time):
+    at = Interpolation(np.array([1.0]), np.array([time]), max_gap=2.0)
+    assert np.isnan(at(np.array([5.0]))).all()
+    assert np.isnan(at.rate(np.array([5.0]))).all()
+
+
+def test_the_frame_period_is_that_of_most_images(rng):
+    stamps = np.arange(100) * 0.04
+    kept = np.sort(rng.permutation(100)[:80])
+    assert frame_period(stamps[kept]) == pytest.approx(0.04)
+    assert frame_period(stamps[:1]) == np.inf
+    assert frame_period(stamps[:0]) == np.inf
+
+
+# Cameras on a grid
+
+
+@pytest.fixture(scope="module")
+def sampled(exact_lifted):
+    skeleton, cameras = exact_lifted
+    return sample_camera(cameras[0], skeleton, start=0.0, step=FRAME_S, n=80)
+
+
+def test_arrays_are_by_track_sample_and_direction(exact_lifted, sampled):
+    P = len(exact_lifted[1][0].tracks)
+    assert sampled.oriented.shape == (P, 80, 19, 3)
+    assert sampled.weight.shape == (P, 80, 19)
+    assert sampled.position.shape == (P, 80, 3)
+    assert sampled.present.shape == (P, 80)
+
+
+def test_oriented_points_are_unit_bones_times_the_root_of_their_length(exact_lifted, sampled):
+    skeleton, cameras = exact_lifted
+    track = cameras[0].tracks[0]
+    bones = np.einsum("dj,fjk->fdk", skeleton.directions, track.joints_cam)
+    length = np.linalg.norm(bones, axis=-1)
+    unit = bones / length[..., None]
+    weight = np.sqrt(np.median(length, axis=0))
+    np.testing.assert_allclose(sampled.oriented[0, track.frames], unit * weight[:, None], atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(sampled.oriented, axis=-1), sampled.weight, atol=1e-9)
+
+
+def test_where_nobody_is_there_is_nothing(exact_lifted):
+    skeleton, cameras = exact_lifted
+    late = sample_camera(cameras[0], skeleton, start=-10 * FRAME_S, step=FRAME_S, n=20)
+    assert not late.present[:, :10].any()
+    assert not late.oriented[:, :10].any()
+    assert not late.weight[:, :10].any()
+    assert np.isnan(late.position[:, :10]).all()
+    assert late.present[:, 10:].any()
+
+
+def test_the_grid_is_by_the_clock_of_the_camera(exact_lifted):
+    skeleton, cameras = exact_lifted
+    camera = replace(cameras[0], stamps=cameras[0].stamps + 5.0)
+    shifted = sample_camera(camera, skeleton, start=5.0, step=FRAME_S, n=80)
+    plain = sample_camera(cameras[0], skeleton, start=0.0, step=FRAME_S, n=80)
+    np.testing.assert_allclose(shifted.oriented, plain.oriented, atol=1e-6)
+
+
+def test_a_camera_without_tracks_has_empty_arrays(exact_lifted):
+    skeleton, cameras = exact_lifted
+    nobody = sample_camera(replace(cameras[0], tracks=()), skeleton, start=0.0, step=FRAME_S, n=10)
+    assert nobody.oriented.shape == (0, 10, 19, 3)
+    assert nobody.present.shape == (0, 10)
+
+
+def test_a_missing_joint_takes_only_its_own_bones(exact_lifted):
+    skeleton, cameras = exact_lifted
+    knee = skeleton.layout.index("left_knee")
+    track = cameras[0].tracks[0]
+    joints = track.joints_cam.copy()
+    joints[:, knee] = np.nan
+    camera = replace(cameras[0], tracks=(replace(track, joints_cam=joints),))
+    weight = sample_camera(camera, skeleton, start=0.0, step=FRAME_S, n=40).weight[0]
+    np.testing.assert_array_equal((weight == 0).all(0), skeleton.directions[:, knee] != 0)
+
+
+def test_the_middle_of_the_body_is_that_of_hips_and_shoulders(exact_lifted):
+    skeleton, cameras = exact_lifted
+    joints = cameras[0].tracks[0].joints_cam
+    trunk = [
+        skeleton.layout.index(f"{side}_{joint}")
+        for side in ("left", "right")
+        for joint in ("hip", "shoulder")
+    ]
+    np.testing.assert_allclose(joints_centre(joints, skeleton), joints[:, trunk].mean(1))
+
+
+def test_the_step_is_that_of_the_fastest_camera(exact_lifted):
+    _, cameras = exact_lifted
+    slow = replace(cameras[1], stamps=2 * cameras[1].stamps)
+    assert common_step([slow, cameras[0]]) == pytest.approx(FRAME_S)
+    assert common_step([slow]) == pytest.approx(2 * FRAME_S)
+
+
+def test_the_span_of_a_track_is_by_the_clock_of_its_camera(exact_lifted):
+    _, cameras = exact_lifted
+    track = cameras[2].tracks[0]
+    frames = track.frames[[0, -1]]
+    assert track_span(track, cameras[2]) == tuple(cameras[2].stamps[frames])
