@@ -1,0 +1,182 @@
+"""Calibrates the recording that comes with the package: ``python -m stcalib_ros.demo``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text, table, warn
+from stcalib_ros.core.errors import CalibrationError, InputError, StcalibError
+from stcalib_ros.core.metrics import Evaluation, evaluate
+from stcalib_ros.core.pipeline import Stages, run_stages
+from stcalib_ros.core.types import Calibration, Recording, Status
+from stcalib_ros.io.bag import read_bag
+from stcalib_ros.io.files import atomic_path, require_writable
+from stcalib_ros.io.results import read_result, write_result
+from stcalib_ros.report import require_matplotlib
+
+_DATA = Path(__file__).parent / "data" / "demo"
+_FPS = 60.0
+_MAX_ROTATION_RAD = 0.07
+_MAX_CENTRE_M = 0.25
+_MAX_OFFSET_S = 0.050
+
+_INTRODUCTION = """\
+A man on a low beam and a woman, 1.67 s of video of four real cameras; BlazePose found their poses.
+Each camera's clock was shifted by up to a third of a second. Neither poses nor shifts are given.
+"""
+
+_REFERENCE = """\
+The true values of this clip are themselves only good to 2-3 degrees (0.035-0.05 rad): smaller
+differences mean nothing. stcalib_ros/data/demo/README.md says where they come from."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Calibrate the demo recording in front of the user.
+
+    Returns
+    -------
+    int
+        Exit status: 0 calibrated, 2 unusable arguments or files, 3 no trustworthy calibration.
+    """
+    args = _parser().parse_args(argv)
+    try:
+        _run(args.output_dir)
+    except StcalibError as error:
+        print(f"demo: {error}", file=sys.stderr)
+        return error.exit_status
+    except KeyboardInterrupt:
+        print("demo: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m stcalib_ros.demo", description=_INTRODUCTION.replace("\n", " ")
+    )
+    parser.add_argument(
+        "--output-dir",
+        type=Path,
+        default=Path("out"),
+        metavar="DIR",
+        help="where demo.yaml, demo.html and demo.png go (default: out)",
+    )
+    return parser
+
+
+def _run(folder: Path) -> None:
+    outputs = _outputs(folder)
+    print(_INTRODUCTION, flush=True)
+    recording, stages = _calibrate()
+    calibration = stages.calibration
+    truth = read_result(_DATA / "balance_truth.yaml")
+    if calibration.status is not Status.OK:
+        raise CalibrationError(
+            f"no trustworthy calibration ({calibration.status.name}): {calibration.message}"
+        )
+    _write(recording, stages, truth, outputs)
+    print(calibration_text(calibration))
+    print()
+    print(errors_text(evaluate(calibration, truth, fps=_FPS), calibration, truth))
+    print()
+    print(_REFERENCE)
+    print()
+    for path, what in zip(outputs, ("the calibration", "a report", "a picture"), strict=True):
+        print(f"{path}  {what}")
+
+
+def _outputs(folder: Path) -> tuple[Path, Path, Path]:
+    """Files to write, before the work; their folder is made."""
+    require_matplotlib("the demo's picture")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot make the folder {folder}: {error.strerror}; choose another --output-dir"
+        ) from error
+    outputs = (folder / "demo.yaml", folder / "demo.html", folder / "demo.png")
+    for path in outputs:
+        require_writable(path)
+    return outputs
+
+
+def _calibrate() -> tuple[Recording, Stages]:
+    progress = ProgressPrinter(sys.stderr)
+    try:
+        recording = read_bag(_DATA / "balance.mcap", progress=progress, warn=warn)
+        return recording, run_stages(recording, progress=progress)
+    finally:
+        progress.close()
+
+
+def _write(
+    recording: Recording, stages: Stages, truth: Calibration, outputs: tuple[Path, Path, Path]
+) -> None:
+    from stcalib_ros.report.figures import overview_png
+    from stcalib_ros.report.html import write_report
+
+    result, report, picture = outputs
+    write_result(stages.calibration, result)
+    write_report(recording, stages, report, truth=truth)
+    with atomic_path(picture) as temporary:
+        temporary.write_bytes(overview_png(stages, truth))
+
+
+def errors_text(evaluation: Evaluation, calibration: Calibration, truth: Calibration) -> str:
+    """Errors against the truth, each beside what was promised.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    calibration, truth : Calibration
+        What it was made of.
+    """
+    offset = max(abs(camera.offset_s) for camera in evaluation.cameras)
+    frames = max(abs(camera.offset_frames) for camera in evaluation.cameras)
+    right, everywhere = persons_right(calibration, truth)
+    rows = [
+        ("error against the truth", "", "promised"),
+        (
+            "orientations, mean",
+            f"{evaluation.E_R:.3f} rad = {np.degrees(evaluation.E_R):.1f} deg",
+            f"<= {_MAX_ROTATION_RAD} rad",
+        ),
+        (
+            "positions, worst, aligned",
+            f"{100 * evaluation.centre_max:.0f} cm",
+            f"<= {100 * _MAX_CENTRE_M:.0f} cm",
+        ),
+        (
+            "clock offsets, worst",
+            f"{1e3 * offset:.1f} ms = {frames:.2f} frames",
+            f"<= {1e3 * _MAX_OFFSET_S:.0f} ms",
+        ),
+        (
+            "people taken for themselves in all four cameras",
+            f"{right} of {everywhere}",
+            f"{everywhere}",
+        ),
+    ]
+    return table(rows)
+
+
+def persons_right(calibration: Calibration, truth: Calibration) -> tuple[int, int]:
+    """How many of the people that every camera sees have exactly their own tracks.
+
+    Returns
+    -------
+    right, total : int
+    """
+    names = {camera.name for camera in truth.cameras}
+    everywhere = [dict(p.tracks) for p in truth.persons if set(p.tracks) == names]
+    found = [dict(p.tracks) for p in calibration.persons]
+    return sum(tracks in found for tracks in everywhere), len(everywhere)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,117 @@
+"""One movement as every camera saw it, by its own clock and by the common one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core.observations import Observations
+from stcalib_ros.core.pipeline import Stages
+from stcalib_ros.core.reconstruction import person_rows, unit_of
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+from stcalib_ros.report.room import Room
+
+_LIMBS = ("wrist", "ankle", "elbow", "knee")
+_MIN_SAMPLES = 10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """Height of one joint in the images of one camera.
+
+    Attributes
+    ----------
+    camera : str
+    stamps_s : (N,) ndarray
+        As the camera stamped them, seconds since the epoch of the recording.
+    times_s : (N,) ndarray
+        The same moments by the reference clock.
+    height : (N,) ndarray
+        Above the floor, in the calibration's unit; NaN where not seen.
+    """
+
+    camera: str
+    stamps_s: FloatArray
+    times_s: FloatArray
+    height: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Movement:
+    """The joint that moves up and down the most, as several cameras saw it."""
+
+    person_id: int
+    joint: str
+    curves: tuple[Curve, ...]
+
+
+def liveliest_movement(stages: Stages, room: Room) -> Movement | None:
+    """The joint with the most up and down in the most cameras; None if there is none.
+
+    A height is that of the point on the camera's own line of sight which is nearest to the
+    triangulated joint: the camera's own key points tell it, the others only how far away the
+    joint is.
+    """
+    best: tuple[float, Movement] | None = None
+    for person, rows in zip(stages.calibration.persons, person_rows(stages), strict=True):
+        heights, stamps, times = _heights(stages, room, rows)
+        for j, joint in enumerate(stages.skeleton.layout.joint_names):
+            if not any(limb in joint for limb in _LIMBS):
+                continue
+            curves = tuple(
+                Curve(c.name, stamps[i], times[i], heights[:, i, j])
+                for i, c in enumerate(stages.calibration.cameras)
+                if np.isfinite(heights[:, i, j]).sum() >= _MIN_SAMPLES
+            )
+            liveliness = sum(_spread(curve.height) for curve in curves)
+            if len(curves) >= 2 and (best is None or liveliness > best[0]):
+                best = liveliness, Movement(person.person_id, joint, curves)
+    return None if best is None else best[1]
+
+
+def _spread(height: FloatArray) -> float:
+    known = height[np.isfinite(height)]
+    low, high = np.percentile(known, [5, 95])
+    return float(high - low) * len(known) / len(height)
+
+
+def _heights(
+    stages: Stages, room: Room, rows: IntArray
+) -> tuple[FloatArray, list[FloatArray], list[FloatArray]]:
+    """Heights (N, C, J) of the joints, and stamps and times (N,) of each camera.
+
+    Cameras are in the order of the calibration.
+    """
+    last = stages.rounds[-1]
+    o, state = last.observations, last.state
+    unit = unit_of(stages)
+    names = [stages.lifted[c].name for c in last.rig.cameras]
+    order = [names.index(camera.name) for camera in stages.calibration.cameras]
+    elapsed = o.phi[rows] + state.shift_s
+    X = unit * (state.X[rows][:, None] + elapsed[..., None, None] * state.V[rows][:, None])
+    known = (state.used[rows].sum(1) >= 2)[:, None] & o.seen[rows]
+    heights = np.full(known.shape, np.nan)
+    for c in range(len(names)):
+        direction, centre = (
+            _sight(o, rows, c) @ last.rig.R_ref_cam[c].T,
+            unit * last.rig.t_ref_cam[c],
+        )
+        along = ((X[:, c] - centre) * direction).sum(-1, keepdims=True)
+        point = (centre + along * direction) @ room.R_room_ref.T + room.t_room_ref
+        heights[:, c] = np.where(known[:, c], point[..., 2], np.nan)
+    times = o.start_s + o.knot[rows][:, None] * o.step_s + elapsed
+    there: BoolArray = o.track[rows] >= 0
+    times = np.where(there, times, np.nan)
+    return (
+        heights[:, order],
+        [times[:, c] - last.rig.offset_s[c] for c in order],
+        [times[:, c] for c in order],
+    )
+
+
+def _sight(o: Observations, rows: IntArray, c: int) -> FloatArray:
+    """Unit directions (N, J, 3) to the joints in the optical frame of camera c."""
+    x = o.x[rows, c]
+    b = np.concatenate([x, np.ones_like(x[..., :1])], -1)
+    return np.asarray(b / np.linalg.norm(b, axis=-1, keepdims=True))

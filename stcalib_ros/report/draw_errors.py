@@ -1,0 +1,87 @@
+"""Reprojection errors of every camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from stcalib_ros.core import stba
+from stcalib_ros.core.pipeline import Stages
+from stcalib_ros.core.types import FloatArray
+from stcalib_ros.report.style import PALETTE
+
+_COLUMNS = 4
+_BINS = 40
+_OUTLIER = "#C3C9CF"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraErrors:
+    """Reprojection errors of one camera, px: of image points that fit, and of the others."""
+
+    name: str
+    inliers: FloatArray
+    outliers: FloatArray
+
+    @property
+    def share(self) -> float:
+        """Image points that fit, as a share of all."""
+        return len(self.inliers) / max(len(self.inliers) + len(self.outliers), 1)
+
+
+def camera_errors(stages: Stages) -> tuple[CameraErrors, ...]:
+    """Errors of the last round, in the order of the calibration."""
+    if not stages.calibration.cameras:
+        return ()
+    last = stages.rounds[-1]
+    errors = stba.errors_px(last.observations, last.state)
+    known = np.isfinite(errors)
+    inside, outside = known & last.state.used, known & ~last.state.used
+    names = [stages.lifted[c].name for c in last.rig.cameras]
+    return tuple(
+        CameraErrors(camera.name, errors[:, c][inside[:, c]], errors[:, c][outside[:, c]])
+        for camera in stages.calibration.cameras
+        for c in [names.index(camera.name)]
+    )
+
+
+def errors_figure(cameras: Sequence[CameraErrors]) -> Figure:
+    """Draw one histogram per camera, all with one scale."""
+    n_rows = -(-len(cameras) // _COLUMNS)
+    figure = Figure(figsize=(10.0, 1.9 * n_rows), layout="constrained")
+    everything = np.concatenate([c.inliers for c in cameras])
+    limit = 2.0 * float(np.percentile(everything, 99)) if len(everything) else 1.0
+    axes = figure.subplots(n_rows, _COLUMNS, sharex=True, sharey=True, squeeze=False)
+    for i, ax in enumerate(axes.flat):
+        if i >= len(cameras):
+            ax.set_axis_off()
+            continue
+        _histogram(ax, cameras[i], PALETTE[i % len(PALETTE)], limit)
+        if i % _COLUMNS == 0:
+            ax.set_ylabel("image points")
+        if i + _COLUMNS >= len(cameras):
+            ax.set_xlabel("reprojection error [px]")
+            ax.tick_params(labelbottom=True)
+    return figure
+
+
+def _histogram(ax: Axes, camera: CameraErrors, color: str, limit: float) -> None:
+    bins = np.linspace(0.0, limit, _BINS)
+    values = [camera.inliers, np.minimum(camera.outliers, limit)]
+    ax.hist(values, bins=bins.tolist(), stacked=True, color=[color, _OUTLIER])
+    ax.set_title(camera.name, color=color)
+    if len(camera.inliers):
+        ax.text(
+            0.98,
+            0.95,
+            f"median {np.median(camera.inliers):.1f} px\n{camera.share:.0%} fit",
+            transform=ax.transAxes,
+            ha="right",
+            va="top",
+            fontsize=7,
+        )
+    ax.grid(axis="x", visible=False)

@@ -1,0 +1,72 @@
+"""The report of a calibration: one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from stcalib_ros.core.pipeline import Stages
+from stcalib_ros.core.types import Calibration, Recording, Status
+from stcalib_ros.io.files import write_text
+from stcalib_ros.report import tables
+from stcalib_ros.report.figures import errors_png, overview_png, sightings_png
+from stcalib_ros.report.markup import image, page, paragraph, section
+
+_OVERVIEW = (
+    "Left: cameras, the people at four moments and the way their feet went; thin black outlines, "
+    "if any, are the true cameras after similarity alignment. Right: the height of one joint as each "
+    "camera's own key points show it (the point on the line of sight nearest to the triangulated "
+    "joint), against the stamps of that camera and against the common clock. Colours are cameras."
+)
+_ERRORS = (
+    "Distance between key points and the reprojected joints. Colour: image points that fit, which "
+    "the calibration rests on; grey: those that do not."
+)
+_SIGHTINGS = (
+    "Every line is a track of a camera's own tracker, against the stamps of that camera in seconds "
+    "since the start of the recording; clocks are as they were, not corrected."
+)
+
+
+def write_report(
+    recording: Recording, stages: Stages, path: Path, *, truth: Calibration | None = None
+) -> None:
+    """Write the report, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    write_text(path, report_html(recording, stages, truth=truth))
+
+
+def report_html(recording: Recording, stages: Stages, *, truth: Calibration | None = None) -> str:
+    """Text of the report: what was found, or why it was refused, and what it rests on.
+
+    Parameters
+    ----------
+    recording : Recording
+    stages : Stages
+        Of this recording; with or without camera poses.
+    truth : Calibration, optional
+        Shown in the picture.
+    """
+    c = stages.calibration
+    parts = [tables.verdict(c)]
+    if c.cameras:
+        parts.append(image(overview_png(stages, truth), "Cameras and people", _OVERVIEW))
+        parts.append(section("Cameras", tables.cameras(stages), *tables.directions(c)))
+    if c.uncalibrated:
+        parts.append(section("Not calibrated", tables.uncalibrated(c)))
+    if c.persons:
+        parts.append(section("Persons", tables.persons(c), paragraph(tables.PERSONS_HELP)))
+    if c.pairs:
+        parts.append(section("Pairs of cameras", tables.pairs(c), paragraph(tables.PAIRS_HELP)))
+    if c.n_inliers:
+        parts.append(
+            section("Reprojection errors", image(errors_png(stages), "Histograms", _ERRORS))
+        )
+    seen = image(sightings_png(recording), "Tracks over time", _SIGHTINGS)
+    parts.append(section("What the cameras saw", tables.sightings(recording), seen))
+    title = "Calibration" if c.status is Status.OK else "Calibration refused"
+    return page(title, parts)

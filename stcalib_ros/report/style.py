@@ -1,0 +1,59 @@
+"""Colours and typography of all pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+PALETTE = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "#882255",
+    "#999933",
+    "#332288",
+    "#7F5F3F",
+)
+"""One colour per camera (Okabe and Ito's, then Tol's), told apart by the colour-blind."""
+
+PEOPLE = ("#22262B", "#6B4F3A", "#4E6070", "#5E4B66", "#4C5B3C")
+
+INK = "#22262B"
+FAINT = "#6B737C"
+GRID = "#E3E6E9"
+FLOOR = "#D5DADF"
+
+SETTINGS: Any = {  # versions of Matplotlib type this differently
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8.0,
+    "text.color": INK,
+    "text.parse_math": False,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 9.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
+    "lines.solid_capstyle": "round",
+    "savefig.facecolor": "white",
+}
+
+
+def camera_colors(names: Iterable[str]) -> dict[str, str]:
+    """Colours by camera name."""
+    return {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(names)}
