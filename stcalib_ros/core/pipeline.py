@@ -37,7 +37,7 @@ Progress = Callable[[str, float], None]
 
 _WORTH_REFINING = 0.2
 _RIVAL_SUPPORT = 0.5
-_AMBIGUOUS = 0.98
+_AMBIGUOUS = 0.9
 _FIT_SCALE_PX = 12.0
 
 
@@ -217,7 +217,9 @@ class _Run:
         position = {c: i for i, c in enumerate(cameras)}
         groups = connected_groups(cameras, self.hypotheses)
         kept = next((g for g in groups if cameras[0] in g and len(g) > 1), groups[0])
-        self._reject_groups([g for g in groups if g is not kept], kept)
+        self._reject_groups(
+            [g for g in groups if g is not kept], kept, "shares nobody's motion with"
+        )
         if len(kept) < 2:
             raise Insufficient(
                 Status.INSUFFICIENT_DATA,
@@ -228,12 +230,14 @@ class _Run:
             )
         return sorted(kept, key=lambda c: position[c])
 
-    def _reject_groups(self, groups: Sequence[Sequence[int]], kept: Sequence[int]) -> None:
+    def _reject_groups(
+        self, groups: Sequence[Sequence[int]], kept: Sequence[int], lacking: str
+    ) -> None:
         names = ", ".join(self.lifted[c].name for c in kept)
         for group in groups:
             for c in group:
                 others = [self.lifted[d].name for d in group if d != c]
-                reason = f"shares nobody's motion with {names}"
+                reason = f"{lacking} {names}"
                 if others:
                     reason += f"; it forms a separate group with {', '.join(others)}"
                 self.rejected.append(UncalibratedCamera(self.lifted[c].name, reason))
@@ -290,6 +294,7 @@ class _Run:
         self._reject_groups(
             [rig.cameras[list(g)].tolist() for g in groups if g is not kept],
             rig.cameras[list(kept)].tolist(),
+            "hardly anything that it sees matches what is seen by",
         )
         if len(kept) < 2:
             raise Insufficient(
@@ -343,14 +348,9 @@ def _all_but(n: int, left_out: Sequence[int]) -> list[int]:
 
 def _rivalry(best: Round, other: Round, step_s: float) -> str:
     """Say how two solutions that fit alike differ."""
-    if not np.array_equal(best.rig.cameras, other.rig.cameras):
-        return (
-            "two solutions with other cameras fit equally well: people are too alike or too few; "
-            "record a longer clip with people who move differently"
-        )
-    frames = np.abs(best.rig.offset_s - other.rig.offset_s).max() / step_s
+    frames = best.clock_difference_s(other) / step_s
     return (
-        f"two solutions fit equally well; their clocks differ by {frames:.1f} frames and their "
-        "poses with them: motion that repeats itself, or people who move alike, do not tell them "
-        "apart; narrow offset_range_s or record more varied motion"
+        f"two solutions fit about equally well; their clocks differ by {frames:.1f} frames and "
+        "their poses with them: motion that repeats itself, or people who move alike, do not tell "
+        "them apart; narrow offset_range_s or record more varied motion"
     )

@@ -14,7 +14,7 @@ from stcalib_ros.core.geometry import rotation_angle
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.observations import Observations, observe
 from stcalib_ros.core.options import BundleOptions
-from stcalib_ros.core.types import FloatArray, IntArray
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _FIRST_FLOOR_PX = 15.0
 _FLOOR_PX = 8.0
@@ -22,6 +22,7 @@ _FINAL_TOLERANCE = 0.05
 _TOLERANCE = 0.5
 _MAX_POINTS_FIRST = 5000
 _MIN_SHARED_POINTS = 100
+_MIN_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,12 +65,22 @@ class Round:
         return float((value - 1.5 * n_points) * self.coverage)
 
     def differs(self, other: Round, step_s: float) -> bool:
-        """The two are other solutions, not the same one found twice."""
-        if not np.array_equal(self.rig.cameras, other.rig.cameras):
+        """The two are other solutions for the cameras that both have, or have not two in common."""
+        common = np.intersect1d(self.rig.cameras, other.rig.cameras)
+        if len(common) < 2:
             return True
-        R = np.swapaxes(self.rig.R_ref_cam, -1, -2) @ other.rig.R_ref_cam
-        shifted = np.abs(self.rig.offset_s - other.rig.offset_s).max() / step_s
+        mine, its = (_part(one.rig, common) for one in (self, other))
+        R = np.swapaxes(mine.R_ref_cam, -1, -2) @ its.R_ref_cam
+        shifted = self.clock_difference_s(other) / step_s
         return bool(rotation_angle(R).max() > 0.1 or shifted > 1.0)
+
+    def clock_difference_s(self, other: Round) -> float:
+        """Largest difference of the offsets of cameras that both have, seconds."""
+        common = np.intersect1d(self.rig.cameras, other.rig.cameras)
+        if not len(common):
+            return float("inf")
+        mine, its = (_part(one.rig, common) for one in (self, other))
+        return float(np.abs(mine.offset_s - its.offset_s).max())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,14 +173,14 @@ def _round(
 ) -> Round | Unconnected:
     observations = observe(cameras, rig, association, step_s=step_s)
     J = observations.x.shape[2]
+    every = 1
     if max_points is not None:
-        observations = observations.every_joint(
-            min(-(-len(observations.person) * J // max_points), J // 4) or 1
-        )
+        every = min(-(-len(observations.person) * J // max_points), J // 4) or 1
+        observations = observations.every_joint(every)
     state = stba.initial_state(observations, rig)
     if drop:
         state = drop_outliers(observations, state, o)
-    groups = connected(state.used)
+    groups = connected(state.used, _image_points([cameras[c] for c in rig.cameras]) // every)
     if len(groups) > 1:
         return Unconnected(tuple(groups))
     state = stba.adjust(
@@ -187,6 +198,10 @@ def _round(
     return Round(_rig_of(state, rig), association, observations, state, median, coverage)
 
 
+def _image_points(members: Sequence[LiftedCamera]) -> IntArray:
+    return np.array([sum(np.isfinite(t.x[..., 0]).sum() for t in m.tracks) for m in members])
+
+
 def drop_outliers(o: Observations, state: stba.BundleState, b: BundleOptions) -> stba.BundleState:
     """Leave out observations above three times the median error (Section IV)."""
     errors = stba.errors_px(o, state)
@@ -200,17 +215,29 @@ def drop_outliers(o: Observations, state: stba.BundleState, b: BundleOptions) ->
     return replace(state, used=used & (used.sum(1) >= 2)[:, None])
 
 
-def connected(used: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> list[tuple[int, ...]]:
-    """Cameras tied by at least a hundred common points, largest group first."""
+def connected(used: BoolArray, total: IntArray) -> list[tuple[int, ...]]:
+    """Groups of cameras tied by common image points, largest group first.
+
+    Two cameras are tied by a hundred points and a tenth of all that the one with fewer sees:
+    a stray match of strangers is no tie.
+
+    Parameters
+    ----------
+    used : (N, C, J) ndarray of bool
+    total : (C,) ndarray of int
+        Image points of each camera, matched or not.
+    """
     seen = used.transpose(1, 0, 2).reshape(used.shape[1], -1).astype(np.float32)
     shared: FloatArray = seen @ seen.T
+    needed = np.maximum(_MIN_SHARED_POINTS, _MIN_SHARE * np.minimum(total[:, None], total[None]))
+    tied = shared >= needed
     left = list(range(len(shared)))
     groups: list[tuple[int, ...]] = []
     while left:
         group, frontier = [left[0]], [left[0]]
         while frontier:
             c = frontier.pop()
-            new = [d for d in left if d not in group and shared[c, d] >= _MIN_SHARED_POINTS]
+            new = [d for d in left if d not in group and tied[c, d]]
             group += new
             frontier += new
         left = [c for c in left if c not in group]
@@ -226,6 +253,11 @@ def _rig_of(state: stba.BundleState, rig: Rig) -> Rig:
         t_ref_cam=-np.einsum("cij,cj->ci", R_ref_cam, state.t_cam_ref),
         offset_s=rig.offset_s + state.shift_s,
     )
+
+
+def _part(rig: Rig, cameras: IntArray) -> Rig:
+    """The rig of the named cameras."""
+    return sub_rig(rig, [int(np.flatnonzero(rig.cameras == c)[0]) for c in cameras])
 
 
 def sub_rig(rig: Rig, members: Sequence[int]) -> Rig:
