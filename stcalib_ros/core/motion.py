@@ -1,4 +1,4 @@
-"""Smoothed positions and velocities of joint trajectories with gaps."""
+"""Velocities and accelerations of joint trajectories with gaps."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def local_cubic(X: FloatArray, present: BoolArray) -> tuple[FloatArray, FloatArr
     Returns
     -------
     velocity : (K, ..., 3) ndarray
-        Displacement per sample; zero where nothing near is present.
-    smooth : (K, ..., 3) ndarray
-        Fitted positions.
+        Per sample; zero where nothing near is present.
+    acceleration : (K, ..., 3) ndarray
+        Per squared sample; zero where nothing near is present.
     """
     window = np.arange(-_HALF_WINDOW, _HALF_WINDOW + 1)
     pad = [(_HALF_WINDOW, _HALF_WINDOW)] + [(0, 0)] * (X.ndim - 1)
@@ -34,26 +34,26 @@ def local_cubic(X: FloatArray, present: BoolArray) -> tuple[FloatArray, FloatArr
     there = np.pad(present, pad[:-1])
     shifted = [slice(i, i + len(X)) for i in range(len(window))]
     n = np.sum([there[s] for s in shifted], axis=0)
-    kernels = np.linalg.pinv(window[:, None].astype(float) ** np.arange(_ORDER + 1))[:2]
-    smooth, velocity = (
+    kernels = np.linalg.pinv(window[:, None].astype(float) ** np.arange(_ORDER + 1))[1:3]
+    velocity, acceleration = (
         np.sum([k * padded[s] for k, s in zip(kernel, shifted, strict=True)], axis=0)
-        for kernel in kernels
+        for kernel in (kernels[0], 2.0 * kernels[1])
     )
     gappy = (n > 0) & (n < len(window))
-    velocity[n == 0] = smooth[n == 0] = 0.0
+    velocity[n == 0] = acceleration[n == 0] = 0.0
     if gappy.any():
         values = np.stack([padded[s][gappy] for s in shifted], 1)
         known = np.stack([there[s][gappy] for s in shifted], 1)
-        smooth[gappy], velocity[gappy] = _ridge_fit(values, known, window)
-    return velocity, smooth
+        velocity[gappy], acceleration[gappy] = _ridge_fit(values, known, window)
+    return velocity, acceleration
 
 
 def _ridge_fit(
     values: FloatArray, known: BoolArray, window: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Position and slope (M, 3) in the middle of windows (M, 7, 3) with missing samples."""
+    """Slope and curvature (M, 3) in the middle of windows (M, 7, 3) with missing samples."""
     powers = window[:, None].astype(float) ** np.arange(_ORDER + 1)
     A = np.einsum("mw,wa,wb->mab", known.astype(float), powers, powers, optimize=True)
     b = np.einsum("mwx,wa->max", values, powers, optimize=True)
     coefficients = np.linalg.solve(A + np.diag(_RIDGE), b)
-    return coefficients[:, 0], coefficients[:, 1]
+    return coefficients[:, 1], 2.0 * coefficients[:, 2]

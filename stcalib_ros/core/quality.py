@@ -225,7 +225,9 @@ def _image_paths(last: Round) -> Iterator[FloatArray]:
     R = np.swapaxes(state.R_cam_ref, -1, -2)
     for rows in persons_of(o):
         X = state.X[rows, None, joints]
-        moved = X + (o.phi[rows] + state.shift_s)[..., None, None] * state.V[rows, None, joints]
+        when = (o.phi[rows] + state.shift_s)[..., None, None]
+        V, A = state.V[rows, None, joints], state.A[rows, None, joints]
+        moved = X + when * (V + 0.5 * when * A)
         at_knot, at_image = (Y @ R + state.t_cam_ref[:, None] for Y in (X, moved))
         with np.errstate(divide="ignore", invalid="ignore"):
             motion = at_image[..., :2] / at_image[..., 2:] - at_knot[..., :2] / at_knot[..., 2:]

@@ -2,7 +2,8 @@
 
 Minimises the robust reprojection error of ``X^c = X + (phi + d_c) V`` over camera poses,
 clock offsets d_c and joint positions X, with the joint velocities V read from the present
-trajectories. The points are eliminated (Schur complement), so that one step costs a batch
+trajectories; their curvature is added, so that only a change of acceleration within half a
+frame is neglected. The points are eliminated (Schur complement), so that one step costs a batch
 of closed-form 3x3 factorisations and one matrix product.
 """
 
@@ -41,8 +42,8 @@ class BundleState:
         Correction of the offsets that `Observations.phi` was computed with.
     X : (N, J, 3) ndarray
         Joints at the knots in the reference frame.
-    V : (N, J, 3) ndarray
-        Velocities, per second.
+    V, A : (N, J, 3) ndarray
+        Velocities and accelerations, per second and squared second.
     used : (N, C, J) ndarray of bool
         Observations that take part.
     """
@@ -52,6 +53,7 @@ class BundleState:
     shift_s: FloatArray
     X: FloatArray
     V: FloatArray
+    A: FloatArray
     used: BoolArray
 
 
@@ -79,14 +81,15 @@ def initial_state(o: Observations, rig: Rig) -> BundleState:
     t_cam_ref = -np.einsum("cij,cj->ci", R_cam_ref, rig.t_ref_cam)
     rays = _rays(o, rig)
     weight = o.seen.transpose(0, 2, 1).astype(float)
-    V = np.zeros((*weight.shape[:2], 3))
+    V, A = np.zeros((2, *weight.shape[:2], 3))
+    when = o.phi[:, None, :, None]
     for _ in range(2):
-        centres = rig.t_ref_cam - o.phi[:, None, :, None] * V[:, :, None]
+        centres = rig.t_ref_cam - when * (V[:, :, None] + 0.5 * when * A[:, :, None])
         X, good = triangulate(centres, rays, weight, refinements=1)
         X = np.where(good[..., None], X, 0.0)
-        V = velocities(o, X, good)
+        V, A = motion(o, X, good)
     return BundleState(
-        R_cam_ref, t_cam_ref, np.zeros(len(R_cam_ref)), X, V, o.seen & good[:, None, :]
+        R_cam_ref, t_cam_ref, np.zeros(len(R_cam_ref)), X, V, A, o.seen & good[:, None, :]
     )
 
 
@@ -98,16 +101,17 @@ def _rays(o: Observations, rig: Rig) -> FloatArray:
     return np.asarray(turned.transpose(0, 2, 1, 3))
 
 
-def velocities(o: Observations, X: FloatArray, present: BoolArray) -> FloatArray:
-    """Velocities (N, J, 3), per second, by a local cubic fit along each person's knots."""
-    V = np.zeros_like(X)
+def motion(o: Observations, X: FloatArray, present: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Velocities and accelerations (N, J, 3) by a local cubic fit along each person's knots."""
+    V, A = np.zeros((2, *X.shape))
     for rows in persons_of(o):
         knots = o.knot[rows] - o.knot[rows][0]
         n = int(knots[-1]) + 1
         path, there = np.zeros((n, *X.shape[1:])), np.zeros((n, X.shape[1]), dtype=bool)
         path[knots], there[knots] = X[rows], present[rows]
-        V[rows] = local_cubic(path, there)[0][knots] / o.step_s
-    return V
+        per_step, per_step2 = local_cubic(path, there)
+        V[rows], A[rows] = per_step[knots] / o.step_s, per_step2[knots] / o.step_s**2
+    return V, A
 
 
 def persons_of(o: Observations) -> Iterator[slice]:
@@ -122,7 +126,7 @@ def persons_of(o: Observations) -> Iterator[slice]:
 def residuals_px(o: Observations, state: BundleState) -> tuple[FloatArray, BoolArray]:
     """Reprojection residuals (N, C, J, 2), px, and which of them take part and are finite."""
     when = (o.phi + state.shift_s)[..., None, None]
-    X = state.X[:, None] + when * state.V[:, None]
+    X = state.X[:, None] + when * (state.V[:, None] + 0.5 * when * state.A[:, None])
     Y = X @ np.swapaxes(state.R_cam_ref, -1, -2) + state.t_cam_ref[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         r = (Y[..., :2] / Y[..., 2:] - o.x) * o.focal[..., None]
@@ -176,8 +180,8 @@ def adjust(
             damping = max(damping / 10.0, 1e-9)
             if renew_velocities:
                 state = problem.state_of(state)
-                V = velocities(o, state.X, state.used.sum(1) >= 2)
-                state = replace(state, V=V)
+                V, A = motion(o, state.X, state.used.sum(1) >= 2)
+                state = replace(state, V=V, A=A)
                 problem = _Problem(o, state, scale)
             if length < tolerance and step >= least:
                 break
@@ -220,11 +224,15 @@ class _Problem:
         self.R, self.t, self.shift = state.R_cam_ref, state.t_cam_ref, state.shift_s
         self.X = state.X.reshape(-1, 3)[self.points].T
         self.V = state.V.reshape(-1, 3)[self.points].T
+        self.A = state.A.reshape(-1, 3)[self.points].T
         self._forward()
 
     def _forward(self) -> None:
-        self.RV = self.R @ self.V
-        self.Y = self.R @ self.X + (self.phi + self.shift[:, None])[:, None] * self.RV
+        when = (self.phi + self.shift[:, None])[:, None]
+        half = when * (0.5 * self.R @ self.A)
+        self.RV = self.R @ self.V + half
+        self.Y = self.R @ self.X + when * self.RV
+        self.RV += half
         Z = self.Y + self.t[:, :, None]
         self.ahead = Z[:, 2] > _NEAREST
         self.inverse_depth = 1.0 / np.where(self.ahead, Z[:, 2], 1.0)
@@ -310,6 +318,7 @@ class _Problem:
             shift_s=self.shift,
             X=X * scale,
             V=state.V * scale,
+            A=state.A * scale,
         )
 
 

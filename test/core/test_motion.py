@@ -1,4 +1,4 @@
-"""Velocities and smooth positions of trajectories with gaps."""
+"""Velocities and accelerations of trajectories with gaps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ def cubic(rng, n, J=2):
     c = rng.normal(size=(4, J, 3)) * np.array([1, 0.3, 0.03, 0.003])[:, None, None]
     X = sum(c[a] * k[:, None, None] ** a for a in range(4))
     V = sum(a * c[a] * k[:, None, None] ** (a - 1) for a in range(1, 4))
-    return X, V
+    A = 2 * c[2] + 6 * c[3] * k[:, None, None]
+    return X, V, A
 
 
 def samples_in_window(present):
@@ -28,33 +29,35 @@ def samples_in_window(present):
 
 @given(seeds)
 def test_a_cubic_without_gaps_is_exact(seed):
-    X, V = cubic(np.random.default_rng(seed), 20)
-    velocity, smooth = local_cubic(X, np.ones(X.shape[:2], dtype=bool))
+    X, V, A = cubic(np.random.default_rng(seed), 20)
+    velocity, acceleration = local_cubic(X, np.ones(X.shape[:2], dtype=bool))
     inner = slice(3, -3)
     np.testing.assert_allclose(velocity[inner], V[inner], atol=1e-9)
-    np.testing.assert_allclose(smooth[inner], X[inner], atol=1e-9)
+    np.testing.assert_allclose(acceleration[inner], A[inner], atol=1e-9)
 
 
 @given(seeds)
 def test_a_cubic_with_gaps_is_exact_while_four_samples_are_near(seed):
     rng = np.random.default_rng(seed)
-    X, V = cubic(rng, 40)
+    X, V, A = cubic(rng, 40)
     present = rng.uniform(size=X.shape[:2]) < 0.75
     near = samples_in_window(present) >= 4
-    velocity, smooth = local_cubic(np.where(present[..., None], X, 1e3), present)
+    velocity, acceleration = local_cubic(np.where(present[..., None], X, 1e3), present)
     # The ridge that keeps lonely samples quiet leaves 1e-4 of the higher terms.
     np.testing.assert_allclose(velocity[near], V[near], atol=5e-3)
-    np.testing.assert_allclose(smooth[near], X[near], atol=5e-3)
+    np.testing.assert_allclose(acceleration[near], A[near], atol=5e-3)
 
 
 def test_the_middle_is_the_filter_of_savitzky_and_golay(rng):
     X = rng.normal(size=(30, 4, 3))
-    velocity, smooth = local_cubic(X, np.ones((30, 4), dtype=bool))
+    velocity, acceleration = local_cubic(X, np.ones((30, 4), dtype=bool))
     inner = slice(3, -3)
     np.testing.assert_allclose(
         velocity[inner], savgol_filter(X, 7, 3, deriv=1, axis=0)[inner], atol=1e-12
     )
-    np.testing.assert_allclose(smooth[inner], savgol_filter(X, 7, 3, axis=0)[inner], atol=1e-12)
+    np.testing.assert_allclose(
+        acceleration[inner], savgol_filter(X, 7, 3, deriv=2, axis=0)[inner], atol=1e-12
+    )
 
 
 def test_what_is_not_present_is_not_read(rng):
@@ -69,20 +72,20 @@ def test_where_nothing_is_near_nothing_moves(rng):
     X = rng.normal(size=(30, 1, 3))
     present = np.zeros((30, 1), dtype=bool)
     present[[4, 25]] = True
-    velocity, smooth = local_cubic(X, present)
+    velocity, acceleration = local_cubic(X, present)
     far = samples_in_window(present)[:, 0] == 0
     assert far.sum() == 30 - 14
     assert not velocity[far].any()
-    assert not smooth[far].any()
+    assert not acceleration[far].any()
 
 
 def test_a_lonely_sample_stands_still(rng):
     X = rng.normal(size=(15, 1, 3))
     present = np.zeros((15, 1), dtype=bool)
     present[7] = True
-    velocity, smooth = local_cubic(X, present)
+    velocity, acceleration = local_cubic(X, present)
     np.testing.assert_allclose(velocity[7], 0, atol=1e-9)
-    np.testing.assert_allclose(smooth[7], X[7], atol=1e-6)
+    np.testing.assert_allclose(acceleration[7], 0, atol=1e-6)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 6])
