@@ -1,0 +1,107 @@
+"""Every image at the knot nearest to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from core_helpers import EXACT, lifted, true_rig
+
+from stcalib_ros.core.association import associate
+from stcalib_ros.core.observations import observe
+from stcalib_ros.core.synthetic import simulate
+from stcalib_ros.core.timeline import common_step
+
+
+@pytest.fixture(scope="module", params=["one rate", "mixed rates, jitter and drops"])
+def observed(request):
+    options = replace(EXACT, n_frames=100, max_offset_frames=6, sigma_px=1.0, missing=0.1)
+    if request.param != "one rate":
+        options = replace(
+            options, fps=(30.0, 60.0, 25.0, 30.0), stamp_jitter_s=0.004, drop_rate=0.1
+        )
+    scene = simulate(options)
+    _, cameras = lifted(scene.recording)
+    rig, step_s = true_rig(scene), common_step(cameras)
+    association = associate(cameras, rig, step_s=step_s, floor_px=8.0)
+    return cameras, rig, association, observe(cameras, rig, association, step_s=step_s)
+
+
+def frames_of(observed, c):
+    """Rows at which camera c takes part, the index of the image each time, and its track."""
+    cameras, rig, _, o = observed
+    rows = np.flatnonzero(o.track[:, c] >= 0)
+    times = o.start_s + o.knot[rows] * o.step_s + o.phi[rows, c] - rig.offset_s[c]
+    frames = np.abs(cameras[c].stamps - times[:, None]).argmin(1)
+    np.testing.assert_allclose(cameras[c].stamps[frames], times, atol=1e-9)
+    return rows, frames, o.track[rows, c]
+
+
+def test_images_are_within_half_a_step_of_their_knot(observed):
+    o = observed[-1]
+    assert np.abs(o.phi[o.track >= 0]).max() <= o.step_s / 2 + 1e-12
+    assert not o.phi[o.track < 0].any()
+
+
+def test_no_image_is_used_twice(observed):
+    for c in range(4):
+        _, frames, track = frames_of(observed, c)
+        used = np.stack([frames, track], -1)
+        assert len(np.unique(used, axis=0)) == len(used)
+
+
+def test_every_row_has_two_cameras(observed):
+    o = observed[-1]
+    assert ((o.track >= 0).sum(1) >= 2).all()
+
+
+def test_rows_are_sorted_by_person_and_knot_and_unique(observed):
+    o = observed[-1]
+    key = np.stack([o.person, o.knot], -1)
+    np.testing.assert_array_equal(np.unique(key, axis=0), key)
+
+
+def test_points_are_those_of_the_image(observed):
+    cameras, _, _, o = observed
+    for c in range(4):
+        rows, frames, track = frames_of(observed, c)
+        for row, frame, p in zip(rows[::17], frames[::17], track[::17], strict=True):
+            source = cameras[c].tracks[p]
+            at = np.flatnonzero(source.frames == frame)[0]
+            known = np.isfinite(source.x[at]).all(-1)
+            np.testing.assert_array_equal(o.seen[row, c], known)
+            np.testing.assert_array_equal(o.x[row, c][known], source.x[at][known])
+            np.testing.assert_array_equal(o.focal[row, c][known], source.focal[at][known])
+            assert not o.x[row, c][~known].any()
+
+
+def test_the_person_is_that_of_the_track_at_that_time(observed):
+    cameras, rig, association, o = observed
+    for c in range(4):
+        rows, frames, track = frames_of(observed, c)
+        slot = association.slot(cameras[c].stamps[frames] + rig.offset_s[c])
+        np.testing.assert_array_equal(association.person_of[c][track, slot], o.person[rows])
+
+
+def test_where_a_camera_has_no_image_nothing_is_seen(observed):
+    o = observed[-1]
+    assert not o.seen[o.track < 0].any()
+    assert np.isfinite(o.x).all()
+    assert np.isfinite(o.focal).all()
+
+
+def test_hardly_an_image_is_lost(observed):
+    cameras, _, _, o = observed
+    images = sum(len(t.frames) for camera in cameras for t in camera.tracks)
+    # Lost are those that no other camera sees at that moment.
+    assert (o.track >= 0).sum() > 0.8 * images
+
+
+def test_every_nth_joint_keeps_the_rows(observed):
+    o = observed[-1]
+    thin = o.every_joint(4)
+    np.testing.assert_array_equal(thin.x, o.x[:, :, [0, 4, 8, 12, 16]])
+    np.testing.assert_array_equal(thin.focal, o.focal[:, :, [0, 4, 8, 12, 16]])
+    np.testing.assert_array_equal(thin.seen, o.seen[:, :, [0, 4, 8, 12, 16]])
+    np.testing.assert_array_equal(thin.phi, o.phi)
