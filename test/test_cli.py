@@ -20,6 +20,8 @@ from stcalib_ros.commands import simulate as simulate_command
 from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text
 from stcalib_ros.core.errors import CalibrationError, Cancelled
 from stcalib_ros.core.options import Options
+from stcalib_ros.core.pipeline import Stages
+from stcalib_ros.core.skeleton import common_skeleton
 from stcalib_ros.core.synthetic import SceneOptions
 from stcalib_ros.core.types import Calibration, Recording, Status, UncalibratedCamera
 from stcalib_ros.io.bag import read_bag
@@ -46,7 +48,16 @@ def stcalib(*arguments: str, **settings: Any) -> subprocess.CompletedProcess[str
 @pytest.fixture
 def solve(monkeypatch: pytest.MonkeyPatch) -> Callable[[Solver], None]:
     """Put a solver in the place of the real one."""
-    return lambda solver: monkeypatch.setattr(command, "calibrate", solver)
+
+    def use(solver: Solver) -> None:
+        def run_stages(*arguments: Any, **settings: Any) -> Stages:
+            calibration = solver(*arguments, **settings)
+            skeleton = common_skeleton(read_bag(BAG))
+            return Stages(skeleton, (), (), (), (), calibration)
+
+        monkeypatch.setattr(command, "run_stages", run_stages)
+
+    return use
 
 
 def truth(**changes: Any) -> Calibration:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
 from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text
-from stcalib_ros.core.errors import CalibrationError, InputError
-from stcalib_ros.core.pipeline import calibrate
-from stcalib_ros.core.types import Calibration, Status
+from stcalib_ros.core.errors import CalibrationError
+from stcalib_ros.core.pipeline import Stages, run_stages
+from stcalib_ros.core.types import Calibration, Recording, Status
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.config import Config, read_config
 from stcalib_ros.io.files import require_writable
 from stcalib_ros.io.results import write_result
+from stcalib_ros.report import require_matplotlib
 
 DESCRIPTION = """\
 Find camera poses, clock offsets and identities from the people in a bag.
@@ -74,10 +74,9 @@ def run(args: argparse.Namespace) -> None:
         No trustworthy calibration can be had.
     """
     require_writable(args.output)
-    report = None
     if args.report is not None:
         require_writable(args.report)
-        report = _report_module()
+        require_matplotlib("--report")
     config = _config(args)
     progress = ProgressPrinter(None if args.quiet else sys.stderr)
     try:
@@ -88,17 +87,17 @@ def run(args: argparse.Namespace) -> None:
             decoder=args.decoder,
             warn=progress.warn,
         )
-        calibration = calibrate(recording, config.options, progress=progress)
+        stages = run_stages(recording, config.options, progress=progress)
     finally:
         progress.close()
-    if calibration.status is not Status.OK:
-        _reject(calibration, args.output)
-    write_result(calibration, args.output)
-    if report is not None:
-        report.write_report(recording, calibration, args.report)
+    written = [_write(stages.calibration, args.output)]
+    if args.report is not None:
+        written.append(_write_report(recording, stages, args.report))
+    if stages.calibration.status is not Status.OK:
+        raise CalibrationError(_refusal(stages.calibration, written))
     if not args.quiet:
-        print(calibration_text(calibration))
-        print(f"\nWritten to {args.output}")
+        print(calibration_text(stages.calibration))
+        print(f"\nWritten to {' and '.join(map(str, filter(None, written)))}")
 
 
 def _config(args: argparse.Namespace) -> Config:
@@ -109,20 +108,27 @@ def _config(args: argparse.Namespace) -> Config:
     return replace(config, options=replace(config.options, **changes))
 
 
-def _reject(calibration: Calibration, output: Path) -> None:
-    """Keep what was found under another name, and say why it is not to be used."""
+def _write(calibration: Calibration, output: Path) -> Path | None:
+    """Write the result; one that is not to be used under another name, and only if it has poses."""
+    if calibration.status is not Status.OK:
+        output = output.with_name(f"{output.stem}.rejected{output.suffix}")
+    if not calibration.cameras:
+        return None
+    write_result(calibration, output)
+    return output
+
+
+def _write_report(recording: Recording, stages: Stages, path: Path) -> Path:
+    from stcalib_ros.report.html import write_report
+
+    write_report(recording, stages, path)
+    return path
+
+
+def _refusal(calibration: Calibration, written: Sequence[Path | None]) -> str:
+    """Why there is no calibration, and where to look."""
     problem = f"no trustworthy calibration ({calibration.status.name}): {calibration.message}"
-    if calibration.cameras:
-        rejected = output.with_name(f"{output.stem}.rejected{output.suffix}")
-        write_result(calibration, rejected)
-        problem += f" (what was found, not to be used, is in {rejected})"
-    raise CalibrationError(problem)
-
-
-def _report_module() -> ModuleType:
-    try:
-        return importlib.import_module("stcalib_ros.report.html")
-    except ModuleNotFoundError as error:
-        raise InputError(
-            f"--report needs {error.name}: pip install 'stcalib-ros[report]'"
-        ) from error
+    found, *reports = written
+    if found is not None:
+        problem += f" (what was found, not to be used, is in {found})"
+    return problem + "".join(f" (report: {path})" for path in reports)

@@ -43,6 +43,7 @@ class Movement:
 
     person_id: int
     joint: str
+    reference: str
     curves: tuple[Curve, ...]
 
 
@@ -66,7 +67,10 @@ def liveliest_movement(stages: Stages, room: Room) -> Movement | None:
             )
             liveliness = sum(_spread(curve.height) for curve in curves)
             if len(curves) >= 2 and (best is None or liveliness > best[0]):
-                best = liveliness, Movement(person.person_id, joint, curves)
+                best = (
+                    liveliness,
+                    Movement(person.person_id, joint, stages.calibration.reference, curves),
+                )
     return None if best is None else best[1]
 
 

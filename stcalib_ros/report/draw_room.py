@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -10,141 +12,162 @@ from matplotlib.patheffects import withStroke
 
 from stcalib_ros.core.reconstruction import bones
 from stcalib_ros.core.types import FloatArray
-from stcalib_ros.report.room import Person, PlacedCamera, Room
-from stcalib_ros.report.style import FLOOR, INK, PEOPLE, camera_colors
-from stcalib_ros.report.view import View, best_view
+from stcalib_ros.report.room import ANKLES, HEAD, SHOULDERS, Person, PlacedCamera, Room
+from stcalib_ros.report.style import FLOOR, FLOOR_LINES, INK, PEOPLE, camera_colors
+from stcalib_ros.report.view import View, best_view, crown, frustum_depth
 
 _MOMENTS = 4
-_FRUSTUM = 0.16
-"""Depth of a frustum, in the size of the scene."""
+_FAINTEST = 0.2
+_FACE = {
+    *(f"{side}_{part}" for side in ("left", "right") for part in ("eye", "ear")),
+    *(f"{side}_eye_{part}" for side in ("left", "right") for part in ("inner", "outer")),
+    *("nose", "mouth_left", "mouth_right"),
+}
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
+_LABEL_DISTANCE = 11.0
+_ABOVE = 30.0
 
 
 def draw_room(ax: Axes, room: Room) -> None:
-    """Draw cameras as frusta, people at a few moments with the trails of their feet, and the floor.
+    """Draw cameras as frusta, people at a few moments with the ways of their feet, and the floor.
 
     True cameras, where given, are thin outlines.
     """
-    view = best_view(room)
-    size = _size(room)
+    view, depth = best_view(room), frustum_depth(room)
     _floor(ax, room, view)
-    for person, color in zip(room.people, PEOPLE * len(room.people), strict=False):
-        _person(ax, person, view, color)
+    for i, person in enumerate(room.people):
+        _person(ax, person, view, PEOPLE[i % len(PEOPLE)])
     for camera in room.true_cameras:
-        _outline(ax, camera, view, _FRUSTUM * size)
+        _outline(ax, camera, view, depth, color=INK, linewidth=0.7)
     colors = camera_colors(camera.name for camera in room.cameras)
     for camera in room.cameras:
-        _camera(ax, camera, view, _FRUSTUM * size, colors[camera.name])
+        _camera(ax, camera, view, depth, colors[camera.name])
     ax.set_aspect("equal")
     ax.set_axis_off()
+    ax.margins(0.01)
     ax.autoscale_view()
-    ax.margins(0.04)
+    for text in ax.texts:
+        ax.update_datalim(text.get_window_extent().transformed(ax.transData.inverted()).corners())
+    ax.autoscale_view()
 
 
-def _size(room: Room) -> float:
-    centres = np.array([camera.centre for camera in room.cameras])
-    return float(np.linalg.norm(np.ptp(centres, axis=0)))
+def grid_step(room: Room) -> float:
+    """Distance of the lines of the floor, in the unit of the calibration."""
+    return 1.0 if room.metric else 0.5
 
 
 def _floor(ax: Axes, room: Room, view: View) -> None:
-    """Grid of one metre, or of half the first baseline, under everything."""
-    step = 1.0 if room.metric else 0.5
-    points = [c.centre for c in room.cameras]
-    points += [p.joints[np.isfinite(p.joints[..., 0])].reshape(-1, 3).mean(0) for p in room.people]
-    xy = np.array(points)[:, :2]
-    low, high = np.floor(xy.min(0) / step) - 0.0, np.ceil(xy.max(0) / step) + 0.0
-    xs, ys = (np.arange(a, b + 1) * step for a, b in zip(low, high, strict=True))
-    lines = [np.array([[x, ys[0], 0], [x, ys[-1], 0]]) for x in xs]
-    lines += [np.array([[xs[0], y, 0], [xs[-1], y, 0]]) for y in ys]
-    corners = np.array(
-        [[xs[0], ys[0], 0], [xs[-1], ys[0], 0], [xs[-1], ys[-1], 0], [xs[0], ys[-1], 0]]
+    step = grid_step(room)
+    points = [camera.centre for camera in room.cameras]
+    points += [p for person in room.people for p in _known(person.joints)[::20]]
+    xy = np.array(points)[:, :2] / step
+    xs, ys = (
+        step * np.arange(np.floor(low), np.ceil(high) + 1.0)
+        for low, high in zip(xy.min(0), xy.max(0), strict=True)
     )
-    ax.add_patch(Polygon(view.project(corners), facecolor="#F6F7F8", edgecolor="none", zorder=0))
-    segments = [view.project(line) for line in lines]
-    ax.add_collection(LineCollection(segments, colors=FLOOR, linewidths=0.6, zorder=0.1))
+    lines = [[[x, ys[0], 0.0], [x, ys[-1], 0.0]] for x in xs]
+    lines += [[[xs[0], y, 0.0], [xs[-1], y, 0.0]] for y in ys]
+    corners = np.array([[x, y, 0.0] for x, y in _around(xs[0], xs[-1], ys[0], ys[-1])])
+    ax.add_patch(Polygon(view.project(corners), facecolor=FLOOR, edgecolor="none", zorder=0))
+    segments = list(view.project(np.array(lines)))
+    ax.add_collection(LineCollection(segments, colors=FLOOR_LINES, linewidths=0.7, zorder=0.1))
+
+
+def _around(left: float, right: float, near: float, far: float) -> list[tuple[float, float]]:
+    return [(left, near), (right, near), (right, far), (left, far)]
+
+
+def _known(joints: FloatArray) -> FloatArray:
+    return np.asarray(joints[np.isfinite(joints).all(-1)])
 
 
 def _person(ax: Axes, person: Person, view: View, color: str) -> None:
-    known = np.isfinite(person.joints[..., 0]).mean(1) > 0.5
-    if not known.any():
-        return
-    _trails(ax, person, view, color)
-    whole = np.flatnonzero(known)
-    moments = whole[np.linspace(0, len(whole) - 1, _MOMENTS).round().astype(int)]
-    for k, alpha in zip(moments, np.linspace(0.22, 1.0, _MOMENTS), strict=True):
-        _skeleton(ax, person, int(k), view, color, float(alpha))
-    top = person.joints[moments[-1]]
-    top = top[np.nanargmax(top[:, 2])]
-    x, y = view.project(top)
-    ax.annotate(
-        f"person {person.trajectory.person_id}",
-        (x, y),
-        (0, 9),
-        textcoords="offset points",
-        ha="center",
-        color=color,
-        fontsize=7,
-        zorder=30,
-        path_effects=_HALO,
-    )
+    for path in person.of(ANKLES).swapaxes(0, 1):
+        ax.plot(*view.project(path).T, color=color, linewidth=1.2, alpha=0.35, zorder=1)
+    moments = _moments(person)
+    for k, alpha in zip(moments, np.linspace(_FAINTEST, 1.0, len(moments)), strict=True):
+        _skeleton(ax, person, k, view, color, float(alpha))
+    if moments:
+        top = view.project(crown(_known(person.joints[moments[-1]])))
+        _label(ax, f"person {person.person_id}", top, np.array([0.0, 1.0]), color)
+
+
+def _moments(person: Person) -> list[int]:
+    """Of every part of the time the moment at which most of the person is known."""
+    known = np.isfinite(person.joints[..., 0]).mean(1)
+    parts = np.array_split(np.arange(len(known)), _MOMENTS)
+    best = [int(part[known[part].argmax()]) for part in parts if len(part)]
+    return [k for k in best if known[k] > 0.5]
 
 
 def _skeleton(ax: Axes, person: Person, k: int, view: View, color: str, alpha: float) -> None:
     joints = person.joints[k]
-    pairs = [p for p in bones(person.trajectory.layout) if np.isfinite(joints[list(p), 0]).all()]
-    segments = [view.project(joints[list(pair)]) for pair in pairs]
-    z = 10 + view.nearness(joints) * 1e-3
+    pairs = [
+        [i, j]
+        for i, j in bones(person.layout)
+        if np.isfinite(joints[[i, j], 0]).all()
+        and not _FACE & {person.layout.joint_names[i], person.layout.joint_names[j]}
+    ]
+    segments = [view.project(joints[pair]) for pair in pairs]
+    zorder = 10.0 + 1e-3 * view.nearness(joints) + 1e-6 * k
+    head, shoulders = (_known(person.of(part)[k]) for part in (HEAD, SHOULDERS))
+    if len(head):
+        middle = head.mean(0)
+        if len(shoulders) == 2:
+            segments.append(view.project(np.array([shoulders.mean(0), middle])))
+        x, y = view.project(middle)
+        ax.plot(x, y, "o", color=color, alpha=alpha, markersize=5, mew=0, zorder=zorder)
     ax.add_collection(
         LineCollection(
-            segments, colors=color, linewidths=1.5, alpha=alpha, zorder=z, capstyle="round"
+            segments, colors=color, linewidths=1.5, alpha=alpha, zorder=zorder, capstyle="round"
         )
     )
 
 
-def _trails(ax: Axes, person: Person, view: View, color: str) -> None:
-    for foot in person.feet:
-        if "ankle" not in person.trajectory.layout.joint_names[foot]:
-            continue
-        path = person.joints[:, foot] * [1.0, 1.0, 0.0]
-        ax.plot(*view.project(path).T, color=color, linewidth=1.0, alpha=0.6, zorder=1)
-
-
 def _camera(ax: Axes, camera: PlacedCamera, view: View, depth: float, color: str) -> None:
     corners = camera.frustum(depth)
-    z = 12 + view.nearness(corners) * 1e-3
+    zorder = 10.0 + 1e-3 * view.nearness(corners)
     page, apex = view.project(corners), view.project(camera.centre)
-    ax.add_patch(Polygon(page, facecolor=color, alpha=0.22, edgecolor="none", zorder=z))
+    plumb = view.project(np.array([camera.centre, camera.centre * [1.0, 1.0, 0.0]]))
+    ax.plot(*plumb.T, color=color, linewidth=0.8, alpha=0.6, linestyle=(0, (1, 2)), zorder=2)
+    ax.add_patch(Polygon(page, facecolor=color, alpha=0.25, edgecolor="none", zorder=zorder))
+    _outline(ax, camera, view, depth, color=color, linewidth=1.5)
+    ax.plot(*apex, "o", color=color, markersize=3.5, zorder=zorder)
+    _label(ax, camera.name, apex, apex - page.mean(0), color, fontweight="bold", fontsize=10)
+
+
+def _outline(
+    ax: Axes, camera: PlacedCamera, view: View, depth: float, *, color: str, linewidth: float
+) -> None:
+    corners = camera.frustum(depth)
+    page, apex = view.project(corners), view.project(camera.centre)
+    edges = [page[[i, (i + 1) % 4]] for i in range(4)]
     rays = [np.array([apex, corner]) for corner in page]
-    edge = [np.array([page[i], page[(i + 1) % 4]]) for i in range(4)]
     ax.add_collection(
-        LineCollection([*rays, *edge], colors=color, linewidths=1.4, zorder=z, capstyle="round")
+        LineCollection(
+            [*edges, *rays],
+            colors=color,
+            linewidths=linewidth,
+            zorder=10.0 + 1e-3 * view.nearness(corners),
+            capstyle="round",
+        )
     )
-    ax.plot(
-        *_foot(camera, view).T, color=color, linewidth=0.8, alpha=0.55, ls=(0, (1, 2)), zorder=2
-    )
-    ax.plot(*apex, "o", color=color, markersize=3.2, zorder=z)
+
+
+def _label(ax: Axes, text: str, at: FloatArray, away: FloatArray, color: str, **font: Any) -> None:
+    """Write beside a point, towards `away`."""
+    direction = away / max(float(np.linalg.norm(away)), 1e-9)
+    horizontal = "center" if abs(direction[0]) < 0.5 else "left" if direction[0] > 0 else "right"
+    vertical = "center" if abs(direction[1]) < 0.5 else "bottom" if direction[1] > 0 else "top"
     ax.annotate(
-        camera.name,
-        tuple(apex),
-        (0, 8),
+        text,
+        (float(at[0]), float(at[1])),
+        tuple((_LABEL_DISTANCE * direction).tolist()),
         textcoords="offset points",
-        ha="center",
+        ha=horizontal,
+        va=vertical,
         color=color,
-        fontsize=9,
-        fontweight="bold",
-        zorder=31,
+        zorder=_ABOVE,
         path_effects=_HALO,
+        **font,
     )
-
-
-def _foot(camera: PlacedCamera, view: View) -> FloatArray:
-    """Plumb line from a camera to the floor, on the page."""
-    return view.project(np.array([camera.centre, camera.centre * [1.0, 1.0, 0.0]]))
-
-
-def _outline(ax: Axes, camera: PlacedCamera, view: View, depth: float) -> None:
-    page = view.project(camera.frustum(depth))
-    apex = view.project(camera.centre)
-    rays = [np.array([apex, corner]) for corner in page]
-    edge = [np.array([page[i], page[(i + 1) % 4]]) for i in range(4)]
-    ax.add_collection(LineCollection([*rays, *edge], colors=INK, linewidths=0.7, zorder=11))

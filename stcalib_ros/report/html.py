@@ -12,10 +12,10 @@ from stcalib_ros.report.figures import errors_png, overview_png, sightings_png
 from stcalib_ros.report.markup import image, page, paragraph, section
 
 _OVERVIEW = (
-    "Left: cameras, the people at four moments and the way their feet went; thin black outlines, "
-    "if any, are the true cameras after similarity alignment. Right: the height of one joint as each "
-    "camera's own key points show it (the point on the line of sight nearest to the triangulated "
-    "joint), against the stamps of that camera and against the common clock. Colours are cameras."
+    "Left: cameras, the people at four moments and the ways of their feet; thin black outlines, if "
+    "any, are the true cameras after similarity alignment. Right: the height of one joint where "
+    "the line of sight of each camera's own key point passes nearest to the triangulated joint, "
+    "by the stamps of that camera and by the common clock. Every camera has its colour."
 )
 _ERRORS = (
     "Distance between key points and the reprojected joints. Colour: image points that fit, which "

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core.geometry import umeyama
+from stcalib_ros.core.layouts import Layout
 from stcalib_ros.core.reconstruction import PersonTrajectory
 from stcalib_ros.core.types import Calibration, CameraCalibration, FloatArray
 
-_HEAD = ("head_top", "head", "nose", "left_ear", "right_ear", "neck")
-_SHOULDERS = ("left_shoulder", "right_shoulder")
-_ANKLES = ("left_ankle", "right_ankle")
+HEAD = ("head_top", "head", "nose", "left_ear", "right_ear")
+SHOULDERS = ("left_shoulder", "right_shoulder")
+ANKLES = ("left_ankle", "right_ankle")
 _HIPS = ("left_hip", "right_hip", "pelvis")
 _FEET = ("ankle", "heel", "toe", "foot")
 
@@ -45,11 +46,30 @@ class PlacedCamera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Person:
-    """A person in the room: joints (K, J, 3), and which joints are his feet."""
+    """A person in the room.
 
-    trajectory: PersonTrajectory
+    Attributes
+    ----------
+    person_id : int
+    layout : Layout
+    joints : (K, J, 3) ndarray
+        At uniform times; NaN where unknown.
+    """
+
+    person_id: int
+    layout: Layout
     joints: FloatArray
-    feet: tuple[int, ...]
+
+    def of(self, names: Sequence[str]) -> FloatArray:
+        """Paths (K, N, 3) of those of the named joints that the layout has."""
+        own = self.layout.joint_names
+        return np.asarray(self.joints[:, [own.index(name) for name in names if name in own]])
+
+    @property
+    def feet(self) -> FloatArray:
+        """Paths (K, N, 3) of the joints of the feet."""
+        names = self.layout.joint_names
+        return self.of([name for name in names if any(part in name for part in _FEET)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +104,7 @@ def make_room(
     """Stand a calibration upright.
 
     Up is the mean direction from the ankles (else the hips) to the heads of the people, the floor
-    is where their feet are lowest.
+    is where the feet of most of them are lowest.
 
     Parameters
     ----------
@@ -94,34 +114,29 @@ def make_room(
         As `reconstruct` gives them.
     truth : Calibration, optional
     """
-    R = _upright(calibration, people)
+    standing = [Person(p.person_id, p.layout, p.joints_ref) for p in people]
     centres = np.array([camera.t_ref_cam for camera in calibration.cameras])
-    joints = [person.joints_ref @ R.T for person in people]
-    everything = np.concatenate([j.reshape(-1, 3) for j in joints] or [centres @ R.T])
-    t = -np.nanmedian(everything, axis=0)
-    t[2] = -_floor(people, joints, centres @ R.T)
-    true_cameras: tuple[PlacedCamera, ...] = ()
-    if truth is not None:
-        true_cameras = tuple(_placed(c, R, t) for c in _aligned(truth, calibration))
+    R = _along_walls(_upright(calibration, standing), centres)
+    turned = [replace(p, joints=p.joints @ R.T) for p in standing]
+    centres = centres @ R.T
+    t = -np.median(np.concatenate([centres, *(_known(p.joints) for p in turned)]), axis=0)
+    t[2] = -_floor(turned, centres)
     return Room(
         cameras=tuple(_placed(c, R, t) for c in calibration.cameras),
-        true_cameras=true_cameras,
-        people=tuple(
-            Person(person, j + t, feet_of(person)) for person, j in zip(people, joints, strict=True)
-        ),
+        true_cameras=tuple(_placed(c, R, t) for c in _aligned(truth, calibration)),
+        people=tuple(replace(p, joints=p.joints + t) for p in turned),
         R_room_ref=R,
         t_room_ref=t,
         metric=calibration.metric,
     )
 
 
-def feet_of(person: PersonTrajectory) -> tuple[int, ...]:
-    """Indices of the joints of the feet."""
-    names = person.layout.joint_names
-    return tuple(i for i, name in enumerate(names) if any(part in name for part in _FEET))
+def _known(joints: FloatArray) -> FloatArray:
+    """Those positions (N, 3) that are finite."""
+    return np.asarray(joints[np.isfinite(joints).all(-1)])
 
 
-def _upright(calibration: Calibration, people: Sequence[PersonTrajectory]) -> FloatArray:
+def _upright(calibration: Calibration, people: Sequence[Person]) -> FloatArray:
     """Rotation from the reference frame to one with z up."""
     ups = [up for up in map(_up, people) if np.isfinite(up).all()]
     if ups:
@@ -134,33 +149,35 @@ def _upright(calibration: Calibration, people: Sequence[PersonTrajectory]) -> Fl
     return np.stack([x, np.cross(z, x), z])
 
 
-def _up(person: PersonTrajectory) -> FloatArray:
+def _along_walls(R: FloatArray, centres: FloatArray) -> FloatArray:
+    """The same rotation turned about z, with x along the longest extent of the cameras."""
+    xy = (centres - centres.mean(0)) @ R[:2].T
+    cosine, sine = np.linalg.svd(xy)[2][0]
+    return np.asarray(np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ R)
+
+
+def _up(person: Person) -> FloatArray:
     """Mean direction from feet to head; NaN if they were never seen together."""
-    top = _middle(person, _HEAD, _SHOULDERS)
-    bottom = _middle(person, _ANKLES, _HIPS)
-    if top is None or bottom is None:
-        return np.full(3, np.nan)
-    up = (top - bottom)[np.isfinite(top - bottom).all(-1)]
+    top, bottom = _middle(person, HEAD, SHOULDERS), _middle(person, ANKLES, _HIPS)
+    up = _known(top - bottom)
     up = up / np.linalg.norm(up, axis=-1, keepdims=True)
     return np.asarray(up.mean(0)) if len(up) else np.full(3, np.nan)
 
 
-def _middle(person: PersonTrajectory, *choices: Sequence[str]) -> FloatArray | None:
-    """Middle (K, 3) of the joints of the first choice of which the layout has any."""
-    own = person.layout.joint_names
-    for names in choices:
-        if columns := [own.index(name) for name in names if name in own]:
-            return np.asarray(person.joints_ref[:, columns].mean(1))
-    return None
+def _middle(person: Person, *choices: Sequence[str]) -> FloatArray:
+    """Middle (K, 3) of the joints of the first choice that the layout has; NaN if it has none."""
+    found = [paths.mean(1) for names in choices if (paths := person.of(names)).size]
+    return found[0] if found else np.full((len(person.joints), 3), np.nan)
 
 
-def _floor(
-    people: Sequence[PersonTrajectory], joints: Sequence[FloatArray], centres: FloatArray
-) -> float:
-    """Height of the floor: where feet, or whatever is seen, are lowest."""
-    feet = [j[:, list(feet_of(p)) or slice(None), 2] for p, j in zip(people, joints, strict=True)]
-    heights = np.concatenate([f[np.isfinite(f)] for f in feet] or [centres[:, 2]])
-    return float(np.percentile(heights, 5)) if len(heights) else float(centres[:, 2].min())
+def _floor(people: Sequence[Person], centres: FloatArray) -> float:
+    """Height of the floor: where the feet of most people are lowest."""
+    lowest = [
+        float(np.percentile(heights, 5))
+        for person in people
+        if len(heights := _known(person.feet if person.feet.size else person.joints)[:, 2])
+    ]
+    return float(np.median(lowest)) if lowest else float(centres[:, 2].min())
 
 
 def _placed(camera: CameraCalibration, R: FloatArray, t: FloatArray) -> PlacedCamera:
@@ -173,10 +190,10 @@ def _placed(camera: CameraCalibration, R: FloatArray, t: FloatArray) -> PlacedCa
     )
 
 
-def _aligned(truth: Calibration, calibration: Calibration) -> list[CameraCalibration]:
+def _aligned(truth: Calibration | None, calibration: Calibration) -> list[CameraCalibration]:
     """True cameras after the similarity that brings their centres nearest to the estimate."""
     ours = {camera.name: camera.t_ref_cam for camera in calibration.cameras}
-    common = [camera for camera in truth.cameras if camera.name in ours]
+    common = [camera for camera in truth.cameras if camera.name in ours] if truth else []
     if len(common) < 3:
         return []
     s, R, t = umeyama(

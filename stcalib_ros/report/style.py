@@ -20,16 +20,18 @@ PALETTE = (
 """One colour per camera (Okabe and Ito's, then Tol's), told apart by the colour-blind."""
 
 PEOPLE = ("#22262B", "#6B4F3A", "#4E6070", "#5E4B66", "#4C5B3C")
+"""One muted colour per person."""
 
 INK = "#22262B"
 FAINT = "#6B737C"
 GRID = "#E3E6E9"
-FLOOR = "#D5DADF"
+FLOOR = "#F4F6F7"
+FLOOR_LINES = "#D3D9DE"
 
 SETTINGS: Any = {  # versions of Matplotlib type this differently
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 8.0,
+    "font.size": 9.0,
     "text.color": INK,
     "text.parse_math": False,
     "axes.edgecolor": FAINT,
@@ -37,7 +39,7 @@ SETTINGS: Any = {  # versions of Matplotlib type this differently
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.titlesize": 9.0,
+    "axes.titlesize": 10.0,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.axisbelow": True,

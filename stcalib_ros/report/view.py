@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations, product
 
 import numpy as np
 
 from stcalib_ros.core.types import FloatArray
 from stcalib_ros.report.room import Room
 
-_ELEVATION = np.radians(27.0)
-_DISTANCE = 2.6
+_ELEVATIONS = np.radians([20.0, 26.0, 32.0, 38.0])
+_AZIMUTHS = np.radians(np.arange(0.0, 360.0, 5.0))
+_DISTANCE = 3.0
 """From the middle, in radii of the scene."""
-_AZIMUTHS = 72
+_FRUSTUM = 0.11
+"""Depth of a frustum, in the extent of the cameras."""
+_NAME = np.array([0.09, 0.06])
+"""Room that a name takes on the page, beyond the outline of what it names."""
+_PAGE = 1.4
+"""Width of the page over its height."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A viewpoint: rows of `R` are right, up and towards the viewer.
+    """A viewpoint.
 
     Attributes
     ----------
     R : (3, 3) ndarray
+        Rows are right, up and towards the viewer.
     middle : (3,) ndarray
         What is looked at.
     distance : float
@@ -41,35 +49,77 @@ class View:
         return float(np.nanmean((points - self.middle) @ self.R[2]))
 
 
+def frustum_depth(room: Room) -> float:
+    """How deep frusta are drawn."""
+    centres = np.array([camera.centre for camera in room.cameras])
+    return _FRUSTUM * float(np.linalg.norm(np.ptp(centres, axis=0)))
+
+
+def crown(joints: FloatArray) -> FloatArray:
+    """Point (3,) over the middle of a person, as high as the highest of the joints (N, 3)."""
+    return np.append(joints[:, :2].mean(0), joints[:, 2].max())
+
+
 def best_view(room: Room) -> View:
     """View from the side that keeps cameras and people apart on the page."""
-    centres = np.array([camera.centre for camera in room.cameras])
-    people = [np.nanmedian(person.joints, axis=(0, 1)) for person in room.people]
-    points = np.array([*centres, *people])
-    points = points[np.isfinite(points).all(-1)]
+    outlines = _outlines(room)
+    points = np.concatenate([outline.points for outline in outlines])
     middle = (points.max(0) + points.min(0)) / 2.0
-    radius = float(np.linalg.norm(points - middle, axis=-1).max())
+    radius = max(float(np.linalg.norm(points - middle, axis=-1).max()), 1e-6)
     views = [
-        View(_axes(azimuth), middle, _DISTANCE * max(radius, 1e-6))
-        for azimuth in np.arange(_AZIMUTHS) * 2.0 * np.pi / _AZIMUTHS
+        View(_axes(azimuth, elevation), middle, _DISTANCE * radius)
+        for azimuth, elevation in product(_AZIMUTHS, _ELEVATIONS)
     ]
-    return max(views, key=lambda view: _clearness(view, points))
+    return max(views, key=lambda view: _clearness(view, outlines))
 
 
-def _axes(azimuth: float) -> FloatArray:
-    towards = np.array(
-        [
-            np.cos(azimuth) * np.cos(_ELEVATION),
-            np.sin(azimuth) * np.cos(_ELEVATION),
-            np.sin(_ELEVATION),
-        ]
-    )
+@dataclass(frozen=True, slots=True, eq=False)
+class _Outline:
+    """Some points (N, 3) of something, and away from which its name will stand."""
+
+    points: FloatArray
+    top: FloatArray
+    away_from: FloatArray
+
+
+def _outlines(room: Room) -> list[_Outline]:
+    depth = frustum_depth(room)
+    outlines = []
+    for camera in room.cameras:
+        image = camera.frustum(depth)
+        outlines.append(_Outline(np.vstack([image, camera.centre]), camera.centre, image.mean(0)))
+    for person in room.people:
+        joints = person.joints[:, np.isfinite(person.joints).all(-1).any(0)]
+        if joints.size:
+            points = np.nanmedian(joints, axis=0)
+            top = crown(points)
+            outlines.append(_Outline(points, top, top - [0.0, 0.0, 1.0]))
+    return outlines
+
+
+def _axes(azimuth: float, elevation: float) -> FloatArray:
+    level, up = np.cos(elevation), np.sin(elevation)
+    towards = np.array([np.cos(azimuth) * level, np.sin(azimuth) * level, up])
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     return np.stack([right, np.cross(towards, right), towards])
 
 
-def _clearness(view: View, points: FloatArray) -> float:
-    """Smallest distance of two points on the page."""
-    page = view.project(points)
-    apart = np.linalg.norm(page[:, None] - page[None], axis=-1)
-    return float(apart[~np.eye(len(page), dtype=bool)].min(initial=np.inf))
+def _clearness(view: View, outlines: list[_Outline]) -> float:
+    """Gap between the two objects nearest to each other, in the height of the page."""
+    pages = [view.project(outline.points) for outline in outlines]
+    extent = np.ptp(np.concatenate(pages), axis=0)
+    height = max(float(extent[0]) / _PAGE, float(extent[1]))
+    named = [
+        np.vstack([page, _name(view, outline, height)])
+        for page, outline in zip(pages, outlines, strict=True)
+    ]
+    gaps = [np.linalg.norm(a[:, None] - b[None], axis=-1).min() for a, b in combinations(named, 2)]
+    return float(min(gaps, default=0.0)) / height
+
+
+def _name(view: View, outline: _Outline, height: float) -> FloatArray:
+    """Ends of the name on the page, (2, 2)."""
+    top, below = view.project(np.array([outline.top, outline.away_from]))
+    direction = (top - below) / max(float(np.linalg.norm(top - below)), 1e-9)
+    middle = top + height * _NAME * direction
+    return np.asarray(middle + height * np.array([[-_NAME[0], 0.0], [_NAME[0], 0.0]]) * 0.7)
