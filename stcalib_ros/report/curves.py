@@ -9,11 +9,12 @@ import numpy as np
 from stcalib_ros.core.observations import Observations
 from stcalib_ros.core.pipeline import Stages
 from stcalib_ros.core.reconstruction import person_rows, unit_of
-from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+from stcalib_ros.core.types import FloatArray, IntArray
 from stcalib_ros.report.room import Room
 
 _LIMBS = ("wrist", "ankle", "elbow", "knee")
 _MIN_SAMPLES = 10
+_LONGEST_S = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,26 +53,43 @@ def liveliest_movement(stages: Stages, room: Room) -> Movement | None:
 
     A height is that of the point on the camera's own line of sight which is nearest to the
     triangulated joint: the camera's own key points tell it, the others only how far away the
-    joint is.
+    joint is. Of long recordings only the liveliest few seconds are in it.
     """
     best: tuple[float, Movement] | None = None
     for person, rows in zip(stages.calibration.persons, person_rows(stages), strict=True):
-        heights, stamps, times = _heights(stages, room, rows)
+        sights = _sights(stages, room, rows)
         for j, joint in enumerate(stages.skeleton.layout.joint_names):
             if not any(limb in joint for limb in _LIMBS):
                 continue
-            curves = tuple(
-                Curve(c.name, stamps[i], times[i], heights[:, i, j])
-                for i, c in enumerate(stages.calibration.cameras)
-                if np.isfinite(heights[:, i, j]).sum() >= _MIN_SAMPLES
-            )
-            liveliness = sum(_spread(curve.height) for curve in curves)
-            if len(curves) >= 2 and (best is None or liveliness > best[0]):
-                best = (
-                    liveliness,
-                    Movement(person.person_id, joint, stages.calibration.reference, curves),
-                )
+            for part in _parts(sights.times_s):
+                curves = _curves(stages, sights, part, j)
+                liveliness = sum(_spread(curve.height) for curve in curves)
+                if len(curves) >= 2 and (best is None or liveliness > best[0]):
+                    reference = stages.calibration.reference
+                    best = liveliness, Movement(person.person_id, joint, reference, curves)
     return None if best is None else best[1]
+
+
+def _parts(times: FloatArray) -> list[slice]:
+    """Rows of stretches of a few seconds, half overlapping."""
+    middle = np.nanmean(times, axis=1)
+    starts = np.arange(middle[0], max(middle[-1] - _LONGEST_S, middle[0]) + 1e-9, _LONGEST_S / 2.0)
+    bounds = [np.searchsorted(middle, [start, start + _LONGEST_S]) for start in starts]
+    return [slice(int(begin), int(end)) for begin, end in bounds]
+
+
+def _curves(stages: Stages, sights: _Sights, part: slice, j: int) -> tuple[Curve, ...]:
+    """Curves of one joint in one stretch, of the cameras that see enough of it."""
+    return tuple(
+        Curve(
+            camera.name,
+            sights.stamps_s[part, c],
+            sights.times_s[part, c],
+            sights.heights[part, c, j],
+        )
+        for c, camera in enumerate(stages.calibration.cameras)
+        if np.isfinite(sights.heights[part, c, j]).sum() >= _MIN_SAMPLES
+    )
 
 
 def _spread(height: FloatArray) -> float:
@@ -80,41 +98,43 @@ def _spread(height: FloatArray) -> float:
     return float(high - low) * len(known) / len(height)
 
 
-def _heights(
-    stages: Stages, room: Room, rows: IntArray
-) -> tuple[FloatArray, list[FloatArray], list[FloatArray]]:
-    """Heights (N, C, J) of the joints, and stamps and times (N,) of each camera.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sights:
+    """What the cameras, in the order of the calibration, see of one person.
 
-    Cameras are in the order of the calibration.
+    Attributes
+    ----------
+    heights : (N, C, J) ndarray
+    stamps_s, times_s : (N, C) ndarray
+        NaN where there is no image.
     """
+
+    heights: FloatArray
+    stamps_s: FloatArray
+    times_s: FloatArray
+
+
+def _sights(stages: Stages, room: Room, rows: IntArray) -> _Sights:
     last = stages.rounds[-1]
     o, state = last.observations, last.state
     unit = unit_of(stages)
-    names = [stages.lifted[c].name for c in last.rig.cameras]
-    order = [names.index(camera.name) for camera in stages.calibration.cameras]
     elapsed = o.phi[rows] + state.shift_s
     X = unit * (state.X[rows][:, None] + elapsed[..., None, None] * state.V[rows][:, None])
     known = (state.used[rows].sum(1) >= 2)[:, None] & o.seen[rows]
     heights = np.full(known.shape, np.nan)
-    for c in range(len(names)):
-        direction, centre = (
-            _sight(o, rows, c) @ last.rig.R_ref_cam[c].T,
-            unit * last.rig.t_ref_cam[c],
-        )
+    for c, R_ref_cam in enumerate(last.rig.R_ref_cam):
+        centre, direction = unit * last.rig.t_ref_cam[c], _directions(o, rows, c) @ R_ref_cam.T
         along = ((X[:, c] - centre) * direction).sum(-1, keepdims=True)
         point = (centre + along * direction) @ room.R_room_ref.T + room.t_room_ref
         heights[:, c] = np.where(known[:, c], point[..., 2], np.nan)
     times = o.start_s + o.knot[rows][:, None] * o.step_s + elapsed
-    there: BoolArray = o.track[rows] >= 0
-    times = np.where(there, times, np.nan)
-    return (
-        heights[:, order],
-        [times[:, c] - last.rig.offset_s[c] for c in order],
-        [times[:, c] for c in order],
-    )
+    times = np.where(o.track[rows] >= 0, times, np.nan)
+    names = [stages.lifted[c].name for c in last.rig.cameras]
+    order = [names.index(camera.name) for camera in stages.calibration.cameras]
+    return _Sights(heights[:, order], (times - last.rig.offset_s)[:, order], times[:, order])
 
 
-def _sight(o: Observations, rows: IntArray, c: int) -> FloatArray:
+def _directions(o: Observations, rows: IntArray, c: int) -> FloatArray:
     """Unit directions (N, J, 3) to the joints in the optical frame of camera c."""
     x = o.x[rows, c]
     b = np.concatenate([x, np.ones_like(x[..., :1])], -1)

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from stcalib_ros.report.curves import Curve, Movement
 
-_LEGEND_ROWS = 6
-
 
 def draw_movement(
     before: Axes, after: Axes, movement: Movement, colors: Mapping[str, str], *, unit: str
 ) -> None:
-    """Draw the same heights against raw stamps (before) and corrected ones (after)."""
+    """Draw the same heights against raw stamps (before) and corrected ones (after).
+
+    The lines of `after` carry the camera's names and offsets as labels for a legend.
+    """
     start = min(float(np.nanmin(c.stamps_s)) for c in movement.curves)
     for curve in movement.curves:
-        style: dict[str, Any] = {"color": colors[curve.camera], "linewidth": 1.6, "alpha": 0.9}
-        label = f"{curve.camera}  {_offset(curve, movement.reference)}"
-        before.plot(curve.stamps_s - start, curve.height, **style)
-        after.plot(curve.times_s - start, curve.height, label=label, **style)
+        color, label = colors[curve.camera], f"{curve.camera}  {_offset(curve, movement)}"
+        for ax, times in ((before, curve.stamps_s), (after, curve.times_s)):
+            ax.plot(times - start, curve.height, color=color, linewidth=1.6, label=label)
     before.set_title("Before: by each camera's own clock")
     after.set_title("After: by the common clock")
     before.tick_params(labelbottom=False)
@@ -30,11 +29,9 @@ def draw_movement(
     for ax in (before, after):
         ax.set_ylabel(f"height [{unit}]")
         ax.margins(x=0.02)
-    n_columns = -(-len(movement.curves) // _LEGEND_ROWS)
-    after.legend(title="clock offset found", fontsize=8, title_fontsize=8, ncols=n_columns)
 
 
-def _offset(curve: Curve, reference: str) -> str:
-    if curve.camera == reference:
+def _offset(curve: Curve, movement: Movement) -> str:
+    if curve.camera == movement.reference:
         return "reference"
     return f"{1e3 * float(np.nanmedian(curve.times_s - curve.stamps_s)):+.0f} ms"

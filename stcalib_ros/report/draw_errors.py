@@ -51,19 +51,20 @@ def camera_errors(stages: Stages) -> tuple[CameraErrors, ...]:
 
 def errors_figure(cameras: Sequence[CameraErrors]) -> Figure:
     """Draw one histogram per camera, all with one scale."""
-    n_rows = -(-len(cameras) // _COLUMNS)
+    n_columns = min(_COLUMNS, len(cameras))
+    n_rows = -(-len(cameras) // n_columns)
     figure = Figure(figsize=(10.0, 1.9 * n_rows), layout="constrained")
     everything = np.concatenate([c.inliers for c in cameras])
     limit = 2.0 * float(np.percentile(everything, 99)) if len(everything) else 1.0
-    axes = figure.subplots(n_rows, _COLUMNS, sharex=True, sharey=True, squeeze=False)
+    axes = figure.subplots(n_rows, n_columns, sharex=True, sharey=True, squeeze=False)
     for i, ax in enumerate(axes.flat):
         if i >= len(cameras):
             ax.set_axis_off()
             continue
         _histogram(ax, cameras[i], PALETTE[i % len(PALETTE)], limit)
-        if i % _COLUMNS == 0:
+        if i % n_columns == 0:
             ax.set_ylabel("image points")
-        if i + _COLUMNS >= len(cameras):
+        if i + n_columns >= len(cameras):
             ax.set_xlabel("reprojection error [px]")
             ax.tick_params(labelbottom=True)
     return figure

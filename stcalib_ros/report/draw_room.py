@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
+from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox
 
 from stcalib_ros.core.reconstruction import bones
 from stcalib_ros.core.types import FloatArray
@@ -18,6 +21,8 @@ from stcalib_ros.report.view import View, best_view, crown, frustum_depth
 
 _MOMENTS = 4
 _FAINTEST = 0.2
+_NAMED = 4
+"""More people than these have their numbers alone."""
 _FACE = {
     *(f"{side}_{part}" for side in ("left", "right") for part in ("eye", "ear")),
     *(f"{side}_eye_{part}" for side in ("left", "right") for part in ("inner", "outer")),
@@ -26,6 +31,9 @@ _FACE = {
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
 _LABEL_DISTANCE = 11.0
 _ABOVE = 30.0
+_RISE = 3.0
+_CLEARANCE = 4.0
+_MAX_RISES = 12
 
 
 def draw_room(ax: Axes, room: Room) -> None:
@@ -36,9 +44,10 @@ def draw_room(ax: Axes, room: Room) -> None:
     view, depth = best_view(room), frustum_depth(room)
     _floor(ax, room, view)
     for i, person in enumerate(room.people):
-        _person(ax, person, view, PEOPLE[i % len(PEOPLE)])
+        name = str(person.person_id) if len(room.people) > _NAMED else f"person {person.person_id}"
+        _person(ax, person, name, view, PEOPLE[i % len(PEOPLE)])
     for camera in room.true_cameras:
-        _outline(ax, camera, view, depth, color=INK, linewidth=0.7)
+        _outline(ax, camera, view, depth, zorder=9.0, color=INK, linewidth=0.7)
     colors = camera_colors(camera.name for camera in room.cameras)
     for camera in room.cameras:
         _camera(ax, camera, view, depth, colors[camera.name])
@@ -46,21 +55,23 @@ def draw_room(ax: Axes, room: Room) -> None:
     ax.set_axis_off()
     ax.margins(0.01)
     ax.autoscale_view()
+    ax.apply_aspect()
     for text in ax.texts:
         ax.update_datalim(text.get_window_extent().transformed(ax.transData.inverted()).corners())
     ax.autoscale_view()
-
-
-def grid_step(room: Room) -> float:
-    """Distance of the lines of the floor, in the unit of the calibration."""
-    return 1.0 if room.metric else 0.5
+    ax.apply_aspect()
+    _part_labels([text for text in reversed(ax.texts) if isinstance(text, Annotation)])
 
 
 def _floor(ax: Axes, room: Room, view: View) -> None:
-    step = grid_step(room)
-    points = [camera.centre for camera in room.cameras]
-    points += [p for person in room.people for p in _known(person.joints)[::20]]
-    xy = np.array(points)[:, :2] / step
+    step = 1.0 if room.metric else 0.5
+    points = [np.array([camera.centre for camera in room.cameras])]
+    points += [  # of the people not all: a few points may be far off
+        np.percentile(known, [2, 98], axis=0)
+        for person in room.people
+        if len(known := _known(person.joints))
+    ]
+    xy = np.concatenate(points)[:, :2] / step
     xs, ys = (
         step * np.arange(np.floor(low), np.ceil(high) + 1.0)
         for low, high in zip(xy.min(0), xy.max(0), strict=True)
@@ -81,7 +92,7 @@ def _known(joints: FloatArray) -> FloatArray:
     return np.asarray(joints[np.isfinite(joints).all(-1)])
 
 
-def _person(ax: Axes, person: Person, view: View, color: str) -> None:
+def _person(ax: Axes, person: Person, name: str, view: View, color: str) -> None:
     for path in person.of(ANKLES).swapaxes(0, 1):
         ax.plot(*view.project(path).T, color=color, linewidth=1.2, alpha=0.35, zorder=1)
     moments = _moments(person)
@@ -89,7 +100,7 @@ def _person(ax: Axes, person: Person, view: View, color: str) -> None:
         _skeleton(ax, person, k, view, color, float(alpha))
     if moments:
         top = view.project(crown(_known(person.joints[moments[-1]])))
-        _label(ax, f"person {person.person_id}", top, np.array([0.0, 1.0]), color)
+        _label(ax, name, top, np.array([0.0, 1.0]), color)
 
 
 def _moments(person: Person) -> list[int]:
@@ -131,27 +142,30 @@ def _camera(ax: Axes, camera: PlacedCamera, view: View, depth: float, color: str
     plumb = view.project(np.array([camera.centre, camera.centre * [1.0, 1.0, 0.0]]))
     ax.plot(*plumb.T, color=color, linewidth=0.8, alpha=0.6, linestyle=(0, (1, 2)), zorder=2)
     ax.add_patch(Polygon(page, facecolor=color, alpha=0.25, edgecolor="none", zorder=zorder))
-    _outline(ax, camera, view, depth, color=color, linewidth=1.5)
+    _outline(ax, camera, view, depth, zorder=zorder, color=color, linewidth=1.5)
     ax.plot(*apex, "o", color=color, markersize=3.5, zorder=zorder)
     _label(ax, camera.name, apex, apex - page.mean(0), color, fontweight="bold", fontsize=10)
 
 
 def _outline(
-    ax: Axes, camera: PlacedCamera, view: View, depth: float, *, color: str, linewidth: float
+    ax: Axes, camera: PlacedCamera, view: View, depth: float, *, zorder: float, **line: Any
 ) -> None:
-    corners = camera.frustum(depth)
-    page, apex = view.project(corners), view.project(camera.centre)
+    page, apex = view.project(camera.frustum(depth)), view.project(camera.centre)
     edges = [page[[i, (i + 1) % 4]] for i in range(4)]
     rays = [np.array([apex, corner]) for corner in page]
-    ax.add_collection(
-        LineCollection(
-            [*edges, *rays],
-            colors=color,
-            linewidths=linewidth,
-            zorder=10.0 + 1e-3 * view.nearness(corners),
-            capstyle="round",
-        )
-    )
+    ax.add_collection(LineCollection([*edges, *rays], zorder=zorder, capstyle="round", **line))
+
+
+def _part_labels(labels: Sequence[Annotation]) -> None:
+    """Raise labels that cover another one; the first ones stay."""
+    placed: list[Bbox] = []
+    for label in labels:
+        for _ in range(_MAX_RISES):
+            if not any(label.get_window_extent().overlaps(other) for other in placed):
+                break
+            x, y = label.xyann
+            label.xyann = (x, y + _RISE)
+        placed.append(label.get_window_extent().padded(_CLEARANCE))
 
 
 def _label(ax: Axes, text: str, at: FloatArray, away: FloatArray, color: str, **font: Any) -> None:

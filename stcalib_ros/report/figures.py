@@ -9,15 +9,13 @@ from matplotlib.figure import Figure
 
 from stcalib_ros.core.pipeline import Stages
 from stcalib_ros.core.reconstruction import reconstruct
-from stcalib_ros.core.types import Calibration, Recording
+from stcalib_ros.core.types import Calibration, Recording, Status
 from stcalib_ros.report.curves import liveliest_movement
 from stcalib_ros.report.draw_errors import camera_errors, errors_figure
 from stcalib_ros.report.draw_sightings import sightings_figure
 from stcalib_ros.report.overview import overview_figure
 from stcalib_ros.report.room import make_room
-from stcalib_ros.report.style import SETTINGS
-
-_DPI = 160
+from stcalib_ros.report.style import DPI, SETTINGS
 
 
 def overview_png(stages: Stages, truth: Calibration | None = None) -> bytes:
@@ -38,7 +36,13 @@ def overview_png(stages: Stages, truth: Calibration | None = None) -> bytes:
     room = make_room(stages.calibration, reconstruct(stages), truth)
     movement = liveliest_movement(stages, room)
     with matplotlib.rc_context(SETTINGS):
-        return _png(overview_figure(room, movement))
+        return _png(overview_figure(room, movement, title=_title(stages.calibration)))
+
+
+def _title(c: Calibration) -> str:
+    people = "1 person" if len(c.persons) == 1 else f"{len(c.persons)} people"
+    title = f"{len(c.cameras)} cameras, placed by {people}"
+    return title if c.status is Status.OK else f"Not to be used: {title}"
 
 
 def errors_png(stages: Stages) -> bytes:
@@ -55,5 +59,5 @@ def sightings_png(recording: Recording) -> bytes:
 
 def _png(figure: Figure) -> bytes:
     out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=_DPI, metadata={"Software": None})
+    figure.savefig(out, format="png", dpi=DPI, metadata={"Software": None})
     return out.getvalue()

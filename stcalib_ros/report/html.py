@@ -18,8 +18,8 @@ _OVERVIEW = (
     "by the stamps of that camera and by the common clock. Every camera has its colour."
 )
 _ERRORS = (
-    "Distance between key points and the reprojected joints. Colour: image points that fit, which "
-    "the calibration rests on; grey: those that do not."
+    "Distance between key points and reprojected joints. Colour: image points that fit, which the "
+    "calibration rests on; grey: those that do not. The last bar has all that are further away."
 )
 _SIGHTINGS = (
     "Every line is a track of a camera's own tracker, against the stamps of that camera in seconds "

@@ -11,7 +11,7 @@ _STYLE = """\
   --paper: #ffffff; --good: #00795a; --bad: #b03a00; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e4e7ea; --faint: #9aa3ab; --line: #3a4148;
   --paper: #16191c; --good: #3fc79a; --bad: #ff8a4c; } }
-body { margin: 0 auto; max-width: 1080px; padding: 2rem 1.25rem 4rem; background: var(--paper);
+body { margin: 0 auto; max-width: 1120px; padding: 2rem 1.25rem 4rem; background: var(--paper);
   color: var(--ink); font: 15px/1.5 system-ui, "Segoe UI", Roboto, sans-serif; }
 h1 { font-size: 1.7rem; margin: 0 0 .25rem; }
 h2 { font-size: 1.15rem; margin: 2.5rem 0 .5rem; }

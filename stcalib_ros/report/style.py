@@ -22,6 +22,8 @@ PALETTE = (
 PEOPLE = ("#22262B", "#6B4F3A", "#4E6070", "#5E4B66", "#4C5B3C")
 """One muted colour per person."""
 
+DPI = 160
+
 INK = "#22262B"
 FAINT = "#6B737C"
 GRID = "#E3E6E9"

@@ -28,8 +28,8 @@ PERSONS_HELP = (
 )
 PAIRS_HELP = (
     "Bones: median angle between the bones of the two monocular 3D poses of a person, after "
-    "rotation. They took no part in the adjustment; 10 to 20 degrees are usual, more than 35 are "
-    "suspicious. Epipolar: distance of the matched key points from the epipolar lines, rms."
+    "rotation; they have no part in the final adjustment, and the errors of two lifters together "
+    "make 10 to 25 degrees. Epipolar: distance of the key points from the epipolar lines, rms."
 )
 
 _HEADINGS = {
@@ -62,11 +62,15 @@ def _sentence(c: Calibration) -> str:
         return _capital(c.message)
     total = len(c.cameras) + len(c.uncalibrated)
     found = (
-        f"{len(c.cameras)} of {total} cameras, {len(c.persons)} persons; {c.n_inliers} of "
-        f"{c.n_observations} image points fit, with a reprojection error of "
+        f"{len(c.cameras)} of {total} cameras, {_count(len(c.persons), 'person')}; "
+        f"{c.n_inliers} of {c.n_observations} image points fit, with a reprojection error of "
         f"{c.reprojection_rms_px:.2f} px (rms)."
     )
     return found if c.status is Status.OK else f"{_capital(c.message)}. Found: {found}"
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
 def _capital(text: str) -> str:
@@ -81,10 +85,9 @@ def cameras(stages: Stages) -> str:
         "camera",
         f"position x, y, z [{unit}]",
         "quaternion x, y, z, w",
-        "looks along x, y, z",
         "turned",
         "clock offset",
-        "rests on",
+        "image points that fit",
     )
     rows = [
         _camera(camera, errors, c.reference)
@@ -105,10 +108,9 @@ def _camera(camera: CameraCalibration, errors: CameraErrors, reference: str) -> 
         camera.name,
         position,
         _numbers(quaternion_from_matrix(camera.R_ref_cam), 4),
-        _numbers(camera.R_ref_cam[:, 2], 2),
         turned,
         "reference" if is_reference else _offset(camera),
-        f"{len(errors.inliers)} image points, {errors.share:.0%} of all",
+        f"{len(errors.inliers)} ({errors.share:.0%})",
     )
 
 
@@ -121,7 +123,7 @@ def _offset(camera: CameraCalibration) -> str:
 
 
 def _numbers(values: FloatArray, digits: int) -> str:
-    return "  ".join(f"{v + 0.0:.{digits}f}" for v in np.round(values, digits))
+    return ", ".join(f"{v + 0.0:.{digits}f}" for v in np.round(values, digits))
 
 
 def _plus_minus(deviation: float, digits: int) -> str:

@@ -10,14 +10,19 @@ import numpy as np
 from stcalib_ros.core.types import FloatArray
 from stcalib_ros.report.room import Room
 
-_ELEVATIONS = np.radians([20.0, 26.0, 32.0, 38.0])
+_ELEVATIONS = np.radians([20.0, 26.0, 32.0, 38.0, 46.0])
 _AZIMUTHS = np.radians(np.arange(0.0, 360.0, 5.0))
 _DISTANCE = 3.0
 """From the middle, in radii of the scene."""
 _FRUSTUM = 0.11
 """Depth of a frustum, in the extent of the cameras."""
 _NAME = np.array([0.09, 0.06])
-"""Room that a name takes on the page, beyond the outline of what it names."""
+"""How far the middle of a name is from what it names, in the height of the page."""
+_NAME_WIDTH = 0.16
+_NEAR = 0.03
+"""Gap on the page that is too narrow, in its height."""
+_STEEP = 1.5
+"""How many touching objects a view straight from above is worth."""
 _PAGE = 1.4
 """Width of the page over its height."""
 
@@ -105,7 +110,7 @@ def _axes(azimuth: float, elevation: float) -> FloatArray:
 
 
 def _clearness(view: View, outlines: list[_Outline]) -> float:
-    """Gap between the two objects nearest to each other, in the height of the page."""
+    """How far objects are from one another on the page; from low down people look taller."""
     pages = [view.project(outline.points) for outline in outlines]
     extent = np.ptp(np.concatenate(pages), axis=0)
     height = max(float(extent[0]) / _PAGE, float(extent[1]))
@@ -114,7 +119,8 @@ def _clearness(view: View, outlines: list[_Outline]) -> float:
         for page, outline in zip(pages, outlines, strict=True)
     ]
     gaps = [np.linalg.norm(a[:, None] - b[None], axis=-1).min() for a, b in combinations(named, 2)]
-    return float(min(gaps, default=0.0)) / height
+    crowded = float(np.exp(-np.array(gaps) / (_NEAR * height)).sum())
+    return -crowded - _STEEP * float(view.R[2, 2])
 
 
 def _name(view: View, outline: _Outline, height: float) -> FloatArray:
@@ -122,4 +128,4 @@ def _name(view: View, outline: _Outline, height: float) -> FloatArray:
     top, below = view.project(np.array([outline.top, outline.away_from]))
     direction = (top - below) / max(float(np.linalg.norm(top - below)), 1e-9)
     middle = top + height * _NAME * direction
-    return np.asarray(middle + height * np.array([[-_NAME[0], 0.0], [_NAME[0], 0.0]]) * 0.7)
+    return np.asarray(middle + height * _NAME_WIDTH * np.array([[-0.5, 0.0], [0.5, 0.0]]))
