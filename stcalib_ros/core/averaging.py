@@ -19,7 +19,7 @@ _ROTATION_SCALE = 0.06
 _POSITION_SCALE = 0.5
 _LAG_SCALE_FRAMES = 0.7
 _IRLS_STEPS = 10
-_DISTINCT_RIGS = 3
+_DISTINCT_RIGS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,23 +7,30 @@ import numpy as np
 from stcalib_ros.core import stba
 from stcalib_ros.core.geometry import hat
 from stcalib_ros.core.observations import Observations
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.types import FloatArray, IntArray
 
 PARAMETERS = ("x", "y", "z", "rot_x", "rot_y", "rot_z", "time_offset_s")
-_MAX_INFLATION = 100.0
+_LONGEST_SPAN = 150
+_SHORTEST_SPAN = 15
+_CLUSTERS_PER_UNKNOWN = 3
 
 
 def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
     """Joint covariance of all cameras.
 
+    Residuals are not independent: a detector is off by the same few centimetres at a joint as
+    long as it sees the person from that side. The covariance therefore is the cluster-robust
+    one, ``H^-1 (sum_k u_k u_k^T) H^-1`` with the gradients u_k of everything that is seen of
+    one joint of one person over five seconds or so: only these are taken as independent.
+
     The gauge is the pose and clock of the reference and the length of the first baseline,
-    whose rows are zero. Residuals of neighbouring frames are not independent; the covariance
-    is inflated by what their correlation takes away.
+    whose rows are zero.
 
     Parameters
     ----------
     o : Observations
     state : BundleState
+        At the optimum.
 
     Returns
     -------
@@ -31,15 +38,38 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
         Per camera x, y, z of its centre, rotation about the fixed axes of the reference frame
         (rad) and offset (s).
     """
-    system, sigma = stba.reduced_system(o, state)
+    system, scores, points = stba.point_scores(o, state)
     free, scale = stba.gauge(state.t_cam_ref)
     H = (system.H + 1e6 * np.diag(system.H).max() * np.outer(scale, scale))[np.ix_(free, free)]
-    covariance = np.zeros_like(system.H)
     size = np.sqrt(np.maximum(np.diag(H), 1e-30))
-    normalised = np.linalg.pinv(H / np.outer(size, size), rcond=1e-13, hermitian=True)
-    covariance[np.ix_(free, free)] = normalised / np.outer(size, size)
+    inverse = np.linalg.pinv(H / np.outer(size, size), rcond=1e-13, hermitian=True)
+    inverse /= np.outer(size, size)
+    U = _cluster_sums(o, scores, points, n_unknowns=len(free))[free]
+    n = U.shape[1]
+    covariance = np.zeros_like(system.H)
+    covariance[np.ix_(free, free)] = inverse @ (U @ U.T) @ inverse * n / max(n - len(free), 1)
     J = _to_reference(state)
-    return np.asarray(J @ covariance @ J.T * sigma**2 * correlation_inflation(o, state))
+    return np.asarray(J @ covariance @ J.T)
+
+
+def _cluster_sums(
+    o: Observations, scores: FloatArray, points: IntArray, *, n_unknowns: int
+) -> FloatArray:
+    """Sums (7 C, n) of the scores of one joint of one person over a span of time each.
+
+    The span is shortened where that would leave fewer clusters than three per unknown.
+    """
+    J = o.seen.shape[2]
+    row, joint = points // J, points % J
+    span = 2 * _LONGEST_SPAN
+    n = 0
+    while n < _CLUSTERS_PER_UNKNOWN * n_unknowns and span > _SHORTEST_SPAN:
+        span //= 2
+        keys = np.stack([o.person[row], o.knot[row] // span, joint], -1)
+        _, cluster = np.unique(keys, axis=0, return_inverse=True)
+        n = int(cluster.max()) + 1
+    sums = [np.bincount(cluster.ravel(), weights=row, minlength=n) for row in scores]
+    return np.stack(sums)
 
 
 def _to_reference(state: stba.BundleState) -> FloatArray:
@@ -53,19 +83,3 @@ def _to_reference(state: stba.BundleState) -> FloatArray:
         J[k + 3 : k + 6, k : k + 3] = -R.T
         J[k + 6, k + 6] = 1.0
     return J
-
-
-def correlation_inflation(o: Observations, state: stba.BundleState) -> float:
-    """Factor (>= 1) on the variance: ``(1 + r) / (1 - r)`` for a correlation r of next frames.
-
-    The residuals of a few unknowns are smaller than the noise; that is allowed for by taking
-    the correlation over all joints and cameras together.
-    """
-    residuals, used = stba.residuals_px(o, state)
-    following = (np.diff(o.person) == 0) & (np.diff(o.knot) == 1)
-    both = used[:-1] & used[1:] & following[:, None, None]
-    if both.sum() < 100:
-        return _MAX_INFLATION
-    a, b = residuals[:-1][both], residuals[1:][both]
-    r = float((a * b).sum() / np.sqrt((a**2).sum() * (b**2).sum()))
-    return float(np.clip((1 + r) / (1 - r), 1.0, _MAX_INFLATION))

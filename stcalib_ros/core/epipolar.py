@@ -102,7 +102,7 @@ def correspondences(
 
 
 def refine_pair(
-    cameras: Sequence[LiftedCamera], h: PairHypothesis, *, iterations: int = 12
+    cameras: Sequence[LiftedCamera], h: PairHypothesis, *, iterations: int = 10
 ) -> PairHypothesis | None:
     """Gauss-Newton on the robust Sampson error over rotation, direction of t and lag.
 
@@ -124,7 +124,7 @@ def refine_pair(
         if len(c_trial.x_a) < _MIN_POINTS:
             return None
         if (trial_cost := _cost(trial, c_trial, start, scale)[0]) < cost:
-            converged = cost - trial_cost < 1e-4 * cost
+            converged = cost - trial_cost < 1e-3 * cost
             h, c, damping = trial, c_trial, damping / 5.0
             cost, scale = _cost(h, c, start)
             if converged:

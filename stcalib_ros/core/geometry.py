@@ -150,9 +150,14 @@ def bearings(pixels: FloatArray, intrinsics: Intrinsics) -> tuple[FloatArray, Fl
 
 
 def _invert_lens(pixels: FloatArray, intrinsics: Intrinsics) -> tuple[FloatArray, FloatArray]:
-    """Newton's method on the lens model, from OpenCV's own inverse."""
+    """Newton's method on the lens model, from OpenCV's own inverse; closed form without a lens."""
+    if _is_pinhole(intrinsics):
+        K = intrinsics.K
+        rays = np.concatenate([pixels, np.ones((len(pixels), 1))], -1) @ np.linalg.inv(K).T
+        focal = np.sqrt(abs(K[0, 0] * K[1, 1]))
+        return rays[:, :2] / rays[:, 2:], np.full(len(pixels), focal)
     x = _first_inverse(pixels, intrinsics)
-    for _ in range(3 if intrinsics.D.any() else 1):
+    for _ in range(3):
         image, J = _lens_jacobian(x, intrinsics)
         step = np.linalg.solve(J, (image - pixels)[..., None])[..., 0]
         x = np.where(np.isfinite(step), x - step, np.nan)
@@ -161,6 +166,14 @@ def _invert_lens(pixels: FloatArray, intrinsics: Intrinsics) -> tuple[FloatArray
         good = (np.abs(image - pixels).max(-1) < 0.01) & (np.abs(x).max(-1) < _MAX_TANGENT)
     x[~good] = np.nan
     return x, np.sqrt(np.abs(np.linalg.det(J)))
+
+
+def _is_pinhole(intrinsics: Intrinsics) -> bool:
+    return (
+        intrinsics.model is not LensModel.EQUIDISTANT
+        and not intrinsics.D.any()
+        and np.array_equal(intrinsics.R_rect_cam, np.eye(3))
+    )
 
 
 def _first_inverse(pixels: FloatArray, intrinsics: Intrinsics) -> FloatArray:

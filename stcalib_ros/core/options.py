@@ -26,7 +26,7 @@ class RegistrationOptions:
     """
 
     min_overlap: int = 12
-    n_candidates: int = 400
+    n_candidates: int = 200
     n_hypotheses: int = 12
     n_refined: int = 5
 

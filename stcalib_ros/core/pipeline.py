@@ -35,9 +35,14 @@ from stcalib_ros.core.types import (
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it that is done."""
 
-_WORTH_REFINING = 0.2
+_WORTH_REFINING = 0.3
 _RIVAL_SUPPORT = 0.5
+_FEW_RIGS = 3
+_COMPLETE = 0.6
+_CLOSE = 0.7
 _AMBIGUOUS = 0.9
+
+_Start = tuple[Round, list[UncalibratedCamera]]
 _FIT_SCALE_PX = 12.0
 
 
@@ -244,27 +249,51 @@ class _Run:
 
     def _best_start(self) -> tuple[Round, Round | None]:
         """First adjustment of the candidate rigs: the best fit, and a rival that fits as well."""
-        rivals = [r for r in self.rigs if r.support >= _RIVAL_SUPPORT * self.rigs[0].support]
+        close = self._ranked(self._first_rounds(), _CLOSE)
+        if len(close) > 1:
+            close = [self._repeated(start) for start in close]
+        ranked = self._ranked(close, _AMBIGUOUS)
+        best, self.rejected = ranked[0]
+        for other, _ in ranked[1:]:
+            if best.differs(other, self.step_s):
+                return best, other
+        return best, None
+
+    def _first_rounds(self) -> list[_Start]:
+        """First rounds of the best supported rigs: of three, of all while none explains enough."""
         rejected = list(self.rejected)
-        starts: list[tuple[Round, list[UncalibratedCamera]]] = []
+        starts: list[_Start] = []
         why: Insufficient | None = None
-        for k, rig in enumerate(rivals):
-            self.tick("first adjustment", k / len(rivals))
+        for k, rig in enumerate(self.rigs):
+            complete = any(start.share > _COMPLETE for start, _ in starts)
+            supported = rig.support >= _RIVAL_SUPPORT * self.rigs[0].support
+            if starts and not (supported and (k < _FEW_RIGS or not complete)):
+                break
+            self.tick("first adjustment", k / len(self.rigs))
             self.rejected = list(rejected)
             try:
                 starts.append((self._start(rig), self.rejected))
             except Insufficient as reason:
                 why = why or reason
-        if not starts:
-            raise why or AssertionError("no rig was tried")
+        if why is not None and not starts:
+            raise why
+        return starts
+
+    def _ranked(self, starts: list[_Start], share: float) -> list[_Start]:
+        """Those that fit at least that share as well as the best, best first."""
         scale_px = max(_FIT_SCALE_PX, 2.0 * min(start.median_px for start, _ in starts))
-        starts.sort(key=lambda s: -s[0].fit(scale_px))
-        best, self.rejected = starts[0]
-        for other, _ in starts[1:]:
-            alike = other.fit(scale_px) > _AMBIGUOUS * best.fit(scale_px)
-            if alike and best.differs(other, self.step_s):
-                return best, other
-        return best, None
+        fits = [start.fit(scale_px) for start, _ in starts]
+        order = np.argsort([-fit for fit in fits], kind="stable")
+        limit = max(fits) * share if max(fits) > 0 else max(fits)
+        return [starts[k] for k in order if fits[k] >= limit]
+
+    def _repeated(self, start: _Start) -> _Start:
+        """The same once more from where it came to: persons are found better by then."""
+        self.rejected = start[1]
+        try:
+            return self._start(start[0].rig), self.rejected
+        except Insufficient:
+            return start
 
     def _start(self, rig: Rig) -> Round:
         """First round at a rig; cameras that fall off are reported and left out."""

@@ -33,7 +33,7 @@ MIN_INLIER_SHARE = 0.4
 MIN_OFFSET_CONTRAST = 1.1
 _FAR_FRAMES = 3
 _CONTRAST_SCALE = 2.0
-_CONTRAST_JOINTS = 6
+_CONTRAST_JOINTS = 5
 _MAX_GAP = 2.6
 
 
@@ -180,9 +180,8 @@ def offset_contrasts(last: Round, *, max_shift: int) -> FloatArray:
     alike and the contrast is one.
     """
     C = len(last.rig.cameras)
-    shifts = np.array(
-        [d for d in range(-max_shift, max_shift + 1) if abs(d) >= _FAR_FRAMES or not d]
-    )
+    far = [*range(_FAR_FRAMES, 3 * _FAR_FRAMES), *range(3 * _FAR_FRAMES, max_shift + 1, 3)]
+    shifts = np.array([*(-d for d in reversed(far)), 0, *far])
     scale = _CONTRAST_SCALE * max(last.association.typical_px, 1.0)
     total, count = np.zeros((C, len(shifts))), np.zeros((C, len(shifts)))
     for path in _image_paths(last):
@@ -205,13 +204,17 @@ def _shifted_costs(
     """Robust epipolar cost of knots k of a with knots k + shift of b, and how many there are."""
     n = len(a)
     cost, count = np.zeros(len(shifts)), np.zeros(len(shifts))
+    line_a, line_b = b[..., :3] @ E.T, a[..., :3] @ E
+    steep_a, steep_b = ((line[..., :2] ** 2).sum(-1) for line in (line_a, line_b))
+    focal_a, focal_b = a[..., 3] / scale, b[..., 3] / scale
     for k, d in enumerate(shifts):
         if n - abs(d) > 0:
-            here, there = a[max(0, -d) : n - max(0, d)], b[max(0, d) : n - max(0, -d)]
-            focal = np.sqrt(here[..., 3] * there[..., 3])
-            r = sampson(E, here[..., :3], there[..., :3]) * focal / scale
-            good = np.isfinite(r)
-            cost[k], count[k] = np.log1p(r[good] ** 2).sum(), good.sum()
+            here, there = slice(max(0, -d), n - max(0, d)), slice(max(0, d), n - max(0, -d))
+            distance = np.einsum("kji,kji->kj", a[here, :, :3], line_a[there])
+            steepness = np.maximum(steep_b[here] + steep_a[there], 1e-18)
+            squared = distance**2 / steepness * focal_a[here] * focal_b[there]
+            good = squared[np.isfinite(squared)]
+            cost[k], count[k] = np.log1p(good).sum(), len(good)
     return cost, count
 
 

@@ -19,7 +19,7 @@ from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 _FIRST_FLOOR_PX = 15.0
 _FLOOR_PX = 8.0
 _FINAL_TOLERANCE = 0.05
-_TOLERANCE = 0.5
+_TOLERANCE = 1.0
 _MAX_POINTS_FIRST = 5000
 _MIN_SHARED_POINTS = 100
 _MIN_SHARE = 0.1
@@ -42,6 +42,9 @@ class Round:
         Reprojection error of the inliers.
     coverage : float
         How many joints stand behind each joint of the observations.
+    share : float
+        Of all image points of a camera, matched or not, the part that fits; of the camera
+        with the smallest.
     """
 
     rig: Rig
@@ -50,6 +53,7 @@ class Round:
     state: stba.BundleState
     median_px: float
     coverage: float
+    share: float
 
     def fit(self, scale_px: float) -> float:
         """How much of all that was seen this round explains, beyond what it was free to fit.
@@ -95,7 +99,7 @@ def first_round(
 ) -> Round | Unconnected:
     """Associate at the rig of the multi-view integration and adjust on a part of the joints."""
     association = associate(cameras, rig, step_s=step_s, floor_px=_FIRST_FLOOR_PX)
-    return _round(cameras, rig, association, o, step_s, tolerance=1.0, max_points=_MAX_POINTS_FIRST)
+    return _round(cameras, rig, association, o, step_s, tolerance=2.0, max_points=_MAX_POINTS_FIRST)
 
 
 def next_round(
@@ -180,7 +184,8 @@ def _round(
     state = stba.initial_state(observations, rig)
     if drop:
         state = drop_outliers(observations, state, o)
-    groups = connected(state.used, _image_points([cameras[c] for c in rig.cameras]) // every)
+    total = _image_points([cameras[c] for c in rig.cameras]) // every
+    groups = connected(state.used, total)
     if len(groups) > 1:
         return Unconnected(tuple(groups))
     state = stba.adjust(
@@ -194,8 +199,15 @@ def _round(
         state = drop_outliers(observations, state, o)
     errors = stba.errors_px(observations, state)
     median = float(np.median(errors[state.used & np.isfinite(errors)]))
-    coverage = J / observations.x.shape[2]
-    return Round(_rig_of(state, rig), association, observations, state, median, coverage)
+    return Round(
+        _rig_of(state, rig),
+        association,
+        observations,
+        state,
+        median,
+        coverage=J / observations.x.shape[2],
+        share=float((state.used.sum((0, 2)) / np.maximum(total, 1)).min()),
+    )
 
 
 def _image_points(members: Sequence[LiftedCamera]) -> IntArray:

@@ -192,11 +192,21 @@ def adjust(
     return problem.state_of(state)
 
 
-def reduced_system(o: Observations, state: BundleState) -> tuple[ReducedSystem, float]:
-    """Undamped reduced normal equations at a state, in px, and the robust noise scale (px)."""
+def point_scores(o: Observations, state: BundleState) -> tuple[ReducedSystem, FloatArray, IntArray]:
+    """Undamped reduced normal equations at a state, and what each point adds to their gradient.
+
+    Returns
+    -------
+    system : ReducedSystem
+    scores : (7 C, P) ndarray
+        Their sum is ``system.g``.
+    points : (P,) ndarray of int
+        Row and joint of each point, as ``row * J + joint``.
+    """
     sigma = max(robust_scale(errors_px(o, state), state.used), _MIN_SCALE_PX)
     problem = _Problem(o, state, _CAUCHY * sigma)
-    return problem.reduce(0.0).system, sigma
+    reduction = problem.reduce(0.0)
+    return reduction.system, problem.scores(reduction), problem.points
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -286,6 +296,13 @@ class _Problem:
             H[block, block] += H_cc[c] + damping * np.diag(np.diag(H_cc[c]))
         system = ReducedSystem(H, g_c.ravel() - np.einsum("kap,kp->a", T, z))
         return _Reduction(system, factors, T, z)
+
+    def scores(self, reduction: _Reduction) -> FloatArray:
+        """Reduced gradients (7 C, P) of the single points."""
+        G, _, r = self._jacobians()
+        direct = G[:, :, 0] * r[:, None, 0] + G[:, :, 1] * r[:, None, 1]
+        flat: FloatArray = direct.reshape(-1, r.shape[-1])
+        return np.asarray(flat - np.einsum("kap,kp->ap", reduction.T, reduction.z))
 
     def step(self, damping: float) -> tuple[_Problem, float]:
         """The problem after one damped step, and how many standard deviations the cameras moved.
