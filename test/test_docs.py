@@ -1,0 +1,169 @@
+"""README and docs: what they tell people to type works, and what they point at is there."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shlex
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from stcalib_ros.cli import main
+
+ROOT = Path(__file__).parents[1]
+README = ROOT / "README.md"
+DOCS = (README, *sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md")
+PAGES = (*DOCS, ROOT / "CHANGELOG.md", ROOT / "benchmarks" / "README.md")
+SOURCES = "\n".join(p.read_text() for p in sorted((ROOT / "stcalib_ros").rglob("*.py")))
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
+
+
+def commands(page: Path) -> list[list[str]]:
+    lines = [line for block in blocks(page, "bash") for line in block.splitlines()]
+    return [words for line in lines if (words := shlex.split(line, comments=True))]
+
+
+COMMANDS = [(page.name, words) for page in DOCS for words in commands(page)]
+
+
+def options_of(command: str) -> set[str]:
+    parser = argparse.ArgumentParser()
+    import_module(f"stcalib_ros.commands.{command}").add_arguments(parser)
+    return {option for action in parser._actions for option in action.option_strings}
+
+
+def given_options(words: list[str]) -> set[str]:
+    return {word.partition("=")[0] for word in words if word.startswith("-")}
+
+
+def check_stcalib(words: list[str]) -> None:
+    assert given_options(words) <= options_of(words[0])
+
+
+def check_make(words: list[str]) -> None:
+    for target in (word for word in words if "=" not in word):
+        assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE)
+
+
+def check_ros2(words: list[str]) -> None:
+    if words[:2] == ["interface", "show"]:
+        package, kind, name = words[2].split("/")
+        assert package == "stcalib_ros"
+        assert (ROOT / kind / f"{name}.{kind}").is_file()
+    else:
+        assert words[:3] == ["run", "stcalib_ros", "replay"]
+        assert given_options(words) <= options_of("calibrate")
+
+
+def check_pip(words: list[str]) -> None:
+    assert words[0] == "install"
+    extra = re.fullmatch(r"\.(?:\[(\w+)\])?", words[1])
+    assert extra
+    if extra[1]:
+        assert f"optional-dependencies.{extra[1]} " in (ROOT / "pyproject.toml").read_text()
+
+
+def check_python(words: list[str]) -> None:
+    assert words[0] == "-m"
+    text = (ROOT / f"{words[1].replace('.', '/')}.py").read_text()
+    assert all(f'"{option}"' in text for option in given_options(words[2:]))
+
+
+def check_elsewhere(words: list[str]) -> None:
+    """Commands of other people."""
+
+
+CHECKS = {
+    "stcalib": check_stcalib,
+    "make": check_make,
+    "ros2": check_ros2,
+    "pip": check_pip,
+    "python": check_python,
+    "rosdep": check_elsewhere,
+    "colcon": check_elsewhere,
+    "source": check_elsewhere,
+}
+
+
+def test_there_are_commands_to_check() -> None:
+    assert {words[0] for _, words in COMMANDS} == set(CHECKS)
+
+
+@pytest.mark.parametrize(("page", "words"), COMMANDS, ids=lambda v: v if isinstance(v, str) else "")
+def test_commands_exist_with_their_options(page: str, words: list[str]) -> None:
+    CHECKS[words[0]](words[1:])
+
+
+def test_the_commands_of_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In their order, one after the other, as somebody would type them."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "config.yaml").write_text((ROOT / "config" / "calibrate.yaml").read_text())
+    done = []
+    for words in commands(README):
+        if words[0] == "stcalib":
+            assert main(words[1:]) == 0, words
+            done.append(words[1])
+    assert done == ["simulate", "calibrate", "evaluate", "calibrate"]
+    assert {"walk.mcap", "walk_truth.yaml", "walk.yaml", "walk.html"} <= {
+        p.name for p in tmp_path.iterdir()
+    }
+
+
+def test_the_python_of_the_readme_makes_a_message() -> None:
+    pytest.importorskip("stcalib_ros.msg", reason="the messages are not built: make env")
+    header = import_module("std_msgs.msg").Header(frame_id="cam0_optical_frame")
+    np = import_module("numpy")
+    (code,) = blocks(README, "python")
+    names: dict = {}
+    exec(code, names)
+    person = argparse.Namespace(
+        track_id=3,
+        score=0.5,
+        xyz=np.ones((17, 3), np.float32),
+        uv=np.ones((17, 2)),
+        joint_scores=np.ones(17),
+    )
+    message = names["poses_message"](header, [person])
+    (sent,) = message.persons
+    assert (len(sent.joints), len(sent.keypoints), len(sent.joint_scores)) == (51, 34, 17)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_and_pictures_are_there(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+        if not target.startswith("https://"):
+            assert (page.parent / target.partition("#")[0]).exists(), target
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_nothing_of_a_workshop_is_left(page: Path) -> None:
+    text = page.read_text()
+    assert not re.search(r"TODO|FIXME|XXX|TBD", text)
+    assert not re.search(r"(?<![\w.<>])/(work|root|home|tmp|usr|opt)\b", text)
+
+
+def test_the_picture_is_light_enough() -> None:
+    assert 50_000 < (ROOT / "docs" / "images" / "demo.png").stat().st_size < 400_000
+
+
+def refusals() -> list[str]:
+    page = (ROOT / "docs" / "troubleshooting.md").read_text()
+    return re.findall(r"^### `(.+)`$", page, re.MULTILINE)
+
+
+@pytest.mark.parametrize("words", refusals())
+def test_explained_messages_are_those_of_the_code(words: str) -> None:
+    assert words in SOURCES
+
+
+@pytest.mark.parametrize("field", ["PersonPose3D", "PersonPose3DArray"])
+def test_every_field_of_the_messages_is_explained(field: str) -> None:
+    page = (ROOT / "docs" / "bag.md").read_text()
+    text = re.sub(r"#.*", "", (ROOT / "msg" / f"{field}.msg").read_text())
+    for name in re.findall(r"^\S+ (\w+)", text, re.MULTILINE):
+        assert re.search(rf"^\| `{name}[`.]", page, re.MULTILINE), name
