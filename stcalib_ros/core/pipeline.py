@@ -39,8 +39,8 @@ _WORTH_REFINING = 0.3
 _RIVAL_SUPPORT = 0.5
 _FEW_RIGS = 3
 _COMPLETE = 0.6
-_CLOSE = 0.7
-_AMBIGUOUS = 0.9
+_CLOSE = 0.3
+_DECISIVE = 0.1
 
 _Start = tuple[Round, list[UncalibratedCamera]]
 _FIT_SCALE_PX = 12.0
@@ -249,15 +249,21 @@ class _Run:
 
     def _best_start(self) -> tuple[Round, Round | None]:
         """First adjustment of the candidate rigs: the best fit, and a rival that fits as well."""
-        close = self._ranked(self._first_rounds(), _CLOSE)
+        starts = self._first_rounds()
+        fits = _fits(starts)
+        best = max(fits)
+        close = [s for s, fit in zip(starts, fits, strict=True) if fit >= best - _CLOSE * abs(best)]
         if len(close) > 1:
             close = [self._repeated(start) for start in close]
-        ranked = self._ranked(close, _AMBIGUOUS)
-        best, self.rejected = ranked[0]
-        for other, _ in ranked[1:]:
-            if best.differs(other, self.step_s):
-                return best, other
-        return best, None
+        fits = _fits(close)
+        first, *others = np.argsort([-fit for fit in fits], kind="stable").tolist()
+        start, self.rejected = close[first]
+        for k in others:
+            n_other = start.differing(close[k][0], self.step_s)
+            stake = abs(fits[first]) * n_other / len(start.rig.cameras)
+            if n_other and fits[first] - fits[k] < _DECISIVE * stake:
+                return start, close[k][0]
+        return start, None
 
     def _first_rounds(self) -> list[_Start]:
         """First rounds of the best supported rigs: of three, of all while none explains enough."""
@@ -278,14 +284,6 @@ class _Run:
         if why is not None and not starts:
             raise why
         return starts
-
-    def _ranked(self, starts: list[_Start], share: float) -> list[_Start]:
-        """Those that fit at least that share as well as the best, best first."""
-        scale_px = max(_FIT_SCALE_PX, 2.0 * min(start.median_px for start, _ in starts))
-        fits = [start.fit(scale_px) for start, _ in starts]
-        order = np.argsort([-fit for fit in fits], kind="stable")
-        limit = max(fits) * share if max(fits) > 0 else max(fits)
-        return [starts[k] for k in order if fits[k] >= limit]
 
     def _repeated(self, start: _Start) -> _Start:
         """The same once more from where it came to: persons are found better by then."""
@@ -352,7 +350,7 @@ class _Run:
             status, message = Status.DEGENERATE, complaint
         elif doubts:
             status, message = Status.DEGENERATE, "; ".join(doubts)
-        elif len(self.rounds) > 1 and self.rounds[-2].differs(last, self.step_s):
+        elif len(self.rounds) > 1 and self.rounds[-2].differing(last, self.step_s):
             status = Status.NOT_CONVERGED
             message = "the adjustment had not settled after the last round: raise bundle.rounds"
         return make_calibration(
@@ -373,6 +371,12 @@ def _summary(n: int, total: int) -> str:
 
 def _all_but(n: int, left_out: Sequence[int]) -> list[int]:
     return [i for i in range(n) if i not in left_out]
+
+
+def _fits(starts: Sequence[_Start]) -> list[float]:
+    """How well each fits, all by the same measure."""
+    scale_px = max(_FIT_SCALE_PX, 2.0 * min(start.median_px for start, _ in starts))
+    return [start.fit(scale_px) for start, _ in starts]
 
 
 def _rivalry(best: Round, other: Round, step_s: float) -> str:

@@ -50,7 +50,7 @@ class CameraEvidence:
     rotation_stddev : float
         Largest standard deviation of its rotation about any axis, rad.
     centre_stddev : float
-        The same of its centre, over its distance from the nearest other camera.
+        The same of its centre, over its usual distance from the people.
     offset_stddev_frames : float
     bone_rotation : float
         Angle between its rotation and the one that the monocular poses ask for, rad; the
@@ -105,7 +105,7 @@ class CameraEvidence:
         if not self.centre_stddev < MAX_CENTRE_STDDEV:
             return (
                 f"its position is uncertain by {100 * self.centre_stddev:.0f} % of its distance "
-                "to the next camera: let people walk across more of its view"
+                "from the people: let them walk across more of its view"
             )
         if not self.offset_contrast > MIN_OFFSET_CONTRAST:
             return (
@@ -145,8 +145,7 @@ def evidence(
     C, frame_s = len(last.rig.cameras), last.observations.step_s
     contrast = offset_contrasts(last, max_shift=int(np.ceil(offset_range_s / frame_s)))
     used, seen = last.state.used.sum((0, 2)), last.observations.seen.sum((0, 2))
-    centres = last.rig.t_ref_cam
-    apart = np.linalg.norm(centres[:, None] - centres[None], axis=-1) + np.diag([np.inf] * C)
+    reach = usual_distances(last)
     turned = bone_rotations(cameras, skeleton, last)
     depth = depth_ratios(cameras, last)
     depth /= np.nanmedian(depth) if np.isfinite(depth).any() else 1.0
@@ -162,7 +161,7 @@ def evidence(
                 inliers=int(used[c]),
                 inlier_share=float(used[c] / max(int(seen[c]), 1)),
                 rotation_stddev=worst[1],
-                centre_stddev=worst[0] / float(apart[c].min()),
+                centre_stddev=worst[0] / float(reach[c]),
                 offset_stddev_frames=float(np.sqrt(max(block[6, 6], 0.0))) / frame_s,
                 bone_rotation=float(np.nanmin(turned[c], initial=np.inf)),
                 depth_ratio=float(depth[c]),
@@ -311,6 +310,19 @@ def _bones(joints: FloatArray, skeleton: Skeleton) -> FloatArray:
     vectors = np.einsum("dj,fjk->fdk", skeleton.directions, np.nan_to_num(joints), optimize=True)
     missing = (skeleton.directions != 0).astype(float) @ (~known).T.astype(float)
     return np.asarray(np.where((missing.T == 0)[..., None], vectors, np.nan))
+
+
+def usual_distances(last: Round) -> FloatArray:
+    """Median distance (C,) of the people from each camera along its axis, in the rig's unit."""
+    state = last.state
+    Z = state.X @ state.R_cam_ref[:, 2].T + state.t_cam_ref[:, 2]
+    seen = state.used.transpose(0, 2, 1)
+    return np.array(
+        [
+            np.median(Z[..., c][seen[..., c]]) if seen[..., c].any() else np.nan
+            for c in range(Z.shape[-1])
+        ]
+    )
 
 
 def depth_ratios(cameras: Sequence[LiftedCamera], last: Round) -> FloatArray:

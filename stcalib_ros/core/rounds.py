@@ -23,6 +23,7 @@ _TOLERANCE = 1.0
 _MAX_POINTS_FIRST = 5000
 _MIN_SHARED_POINTS = 100
 _MIN_SHARE = 0.1
+_OTHER_ROTATION = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,15 +69,21 @@ class Round:
         n_points = (self.state.used.sum(1) >= 2).sum()
         return float((value - 1.5 * n_points) * self.coverage)
 
-    def differs(self, other: Round, step_s: float) -> bool:
-        """The two are other solutions for the cameras that both have, or have not two in common."""
+    def differing(self, other: Round, step_s: float) -> int:
+        """Cameras that stand or run elsewhere in the other solution; all but one if most do.
+
+        Counted against the camera that makes the count smallest, among those that both have;
+        all of them differ if the two have not two cameras in common.
+        """
         common = np.intersect1d(self.rig.cameras, other.rig.cameras)
-        if len(common) < 2:
-            return True
-        mine, its = (_part(one.rig, common) for one in (self, other))
-        R = np.swapaxes(mine.R_ref_cam, -1, -2) @ its.R_ref_cam
-        shifted = self.clock_difference_s(other) / step_s
-        return bool(rotation_angle(R).max() > 0.1 or shifted > 1.0)
+        counts = [len(common)]
+        for anchor in common:
+            cameras = np.array([anchor, *(c for c in common if c != anchor)])
+            mine, its = (_part(one.rig, cameras) for one in (self, other))
+            R = np.swapaxes(mine.R_ref_cam, -1, -2) @ its.R_ref_cam
+            shifted = np.abs(mine.offset_s - its.offset_s) / step_s
+            counts.append(int(((rotation_angle(R) > _OTHER_ROTATION) | (shifted > 1.0)).sum()))
+        return min(counts) if len(common) > 1 else max(len(self.rig.cameras), 1)
 
     def clock_difference_s(self, other: Round) -> float:
         """Largest difference of the offsets of cameras that both have, seconds."""
@@ -262,7 +269,7 @@ def _rig_of(state: stba.BundleState, rig: Rig) -> Rig:
     return replace(
         rig,
         R_ref_cam=R_ref_cam,
-        t_ref_cam=-np.einsum("cij,cj->ci", R_ref_cam, state.t_cam_ref),
+        t_ref_cam=0.0 - np.einsum("cij,cj->ci", R_ref_cam, state.t_cam_ref),
         offset_s=rig.offset_s + state.shift_s,
     )
 

@@ -100,7 +100,7 @@ def switch_ids(
     """
     ids = ids.copy()
     first, second = np.triu_indices(ids.shape[1], 1)
-    if rate <= 0 or len(times) < 2 or len(first) == 0:
+    if rate <= 0 or len(times) < 2 or len(first) == 0 or not (ids >= 0).any():
         return ids
     centre = 0.5 * (boxes[..., :2] + boxes[..., 2:])
     width = np.nanmean(boxes[..., 2] - boxes[..., 0])
