@@ -1,0 +1,25 @@
+"""A calibrated scene that several tests look at; made once."""
+
+from __future__ import annotations
+
+import pytest
+
+from stcalib_ros.core.pipeline import Stages, run_stages
+from stcalib_ros.core.synthetic import Scene, SceneOptions, simulate
+from stcalib_ros.core.types import Status
+from stcalib_ros.io.mocap import shipped_clips
+
+
+@pytest.fixture(scope="session")
+def report_scene() -> Scene:
+    options = SceneOptions(
+        n_cameras=3, n_people=2, n_frames=150, max_offset_frames=8, sigma_px=1.0, seed=2
+    )
+    return simulate(options, clips=shipped_clips())
+
+
+@pytest.fixture(scope="session")
+def report_stages(report_scene: Scene) -> Stages:
+    stages = run_stages(report_scene.recording)
+    assert stages.calibration.status is Status.OK
+    return stages
