@@ -14,8 +14,12 @@ from stcalib_ros.cli import main
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
-DOCS = (README, *sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md")
-PAGES = (*DOCS, ROOT / "CHANGELOG.md", ROOT / "benchmarks" / "README.md")
+DEMO = ROOT / "stcalib_ros" / "data" / "demo" / "README.md"
+PAGES = (
+    *(README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"),
+    *sorted((ROOT / "docs").glob("*.md")),
+    *(ROOT / "benchmarks" / "README.md", DEMO),
+)
 SOURCES = "\n".join(p.read_text() for p in sorted((ROOT / "stcalib_ros").rglob("*.py")))
 
 
@@ -28,7 +32,11 @@ def commands(page: Path) -> list[list[str]]:
     return [words for line in lines if (words := shlex.split(line, comments=True))]
 
 
-COMMANDS = [(page.name, words) for page in DOCS for words in commands(page)]
+def indented_commands(page: Path) -> list[list[str]]:
+    """Of blocks that are indented instead of fenced, those that we can check."""
+    text = page.read_text().replace("\\\n", " ")
+    lines = re.findall(r"^    (\w.*)$", re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S), re.M)
+    return [shlex.split(line, comments=True) for line in lines if line.split()[0] in CHECKS]
 
 
 def options_of(command: str) -> set[str]:
@@ -90,8 +98,14 @@ CHECKS = {
 }
 
 
+COMMANDS = [
+    (page.name, words) for page in PAGES for words in commands(page) + indented_commands(page)
+]
+
+
 def test_there_are_commands_to_check() -> None:
     assert {words[0] for _, words in COMMANDS} == set(CHECKS)
+    assert {name for name, _ in COMMANDS} >= {"README.md", "CONTRIBUTING.md", "bag.md"}
 
 
 @pytest.mark.parametrize(("page", "words"), COMMANDS, ids=lambda v: v if isinstance(v, str) else "")

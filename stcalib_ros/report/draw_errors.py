@@ -73,7 +73,8 @@ def errors_figure(cameras: Sequence[CameraErrors]) -> Figure:
 def _histogram(ax: Axes, camera: CameraErrors, color: str, limit: float) -> None:
     bins = np.linspace(0.0, limit, _BINS)
     values = [camera.inliers, np.minimum(camera.outliers, limit)]
-    ax.hist(values, bins=bins.tolist(), stacked=True, color=[color, _OUTLIER])
+    colors = [color, _OUTLIER]
+    ax.hist(values, bins=bins.tolist(), stacked=True, histtype="stepfilled", color=colors)
     ax.set_title(camera.name, color=color)
     if len(camera.inliers):
         ax.text(

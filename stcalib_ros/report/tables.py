@@ -146,8 +146,8 @@ def directions(c: Calibration) -> tuple[str, str]:
         ),
         paragraph(
             f"Add an offset to the stamps of a camera to have the clock of {c.reference}: t_ref = "
-            f"t_cam + offset. ± is one standard deviation by the scatter of the image points "
-            f"alone; errors that key points have in common are not in it."
+            f"t_cam + offset. ± is one standard deviation by the scatter of the image points; what "
+            f"is off in everybody all the time is not in it, and neither is the unit of length."
         ),
     )
 
