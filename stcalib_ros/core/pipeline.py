@@ -41,6 +41,7 @@ _FEW_RIGS = 3
 _COMPLETE = 0.6
 _CLOSE = 0.3
 _DECISIVE = 0.1
+_OTHER_OFFSET_FRAMES = 3.0
 
 _Start = tuple[Round, list[UncalibratedCamera]]
 _FIT_SCALE_PX = 12.0
@@ -259,7 +260,7 @@ class _Run:
         first, *others = np.argsort([-fit for fit in fits], kind="stable").tolist()
         start, self.rejected = close[first]
         for k in others:
-            n_other = start.differing(close[k][0], self.step_s)
+            n_other = start.differing(close[k][0], _OTHER_OFFSET_FRAMES * self.step_s)
             stake = abs(fits[first]) * n_other / len(start.rig.cameras)
             if n_other and fits[first] - fits[k] < _DECISIVE * stake:
                 return start, close[k][0]

@@ -192,9 +192,12 @@ def offset_contrasts(last: Round, *, max_shift: int) -> FloatArray:
                 for c, order in ((a, slice(None, None, -1)), (b, slice(None))):
                     total[c] += cost[order]
                     count[c] += n[order]
-    mean = np.where(count >= MIN_INLIERS, total / np.maximum(count, 1), np.inf)
-    present = mean[:, shifts == 0][:, 0]
-    return np.asarray(mean[:, shifts != 0].min(1, initial=np.inf) / np.maximum(present, 1e-12))
+    known = count >= MIN_INLIERS
+    mean = np.where(known, total / np.maximum(count, 1), np.inf)
+    found = np.flatnonzero(shifts == 0)[0]
+    others = np.where(shifts != 0, mean, np.inf).min(1)
+    here = np.where(known[:, found], np.maximum(mean[:, found], 1e-12), 1.0)
+    return np.asarray(others / here)
 
 
 def _shifted_costs(

@@ -69,8 +69,8 @@ class Round:
         n_points = (self.state.used.sum(1) >= 2).sum()
         return float((value - 1.5 * n_points) * self.coverage)
 
-    def differing(self, other: Round, step_s: float) -> int:
-        """Cameras that stand or run elsewhere in the other solution; all but one if most do.
+    def differing(self, other: Round, tolerance_s: float) -> int:
+        """Cameras that stand elsewhere, or whose clock is off by more, in the other solution.
 
         Counted against the camera that makes the count smallest, among those that both have;
         all of them differ if the two have not two cameras in common.
@@ -81,8 +81,8 @@ class Round:
             cameras = np.array([anchor, *(c for c in common if c != anchor)])
             mine, its = (_part(one.rig, cameras) for one in (self, other))
             R = np.swapaxes(mine.R_ref_cam, -1, -2) @ its.R_ref_cam
-            shifted = np.abs(mine.offset_s - its.offset_s) / step_s
-            counts.append(int(((rotation_angle(R) > _OTHER_ROTATION) | (shifted > 1.0)).sum()))
+            shifted = np.abs(mine.offset_s - its.offset_s) > tolerance_s
+            counts.append(int(((rotation_angle(R) > _OTHER_ROTATION) | shifted).sum()))
         return min(counts) if len(common) > 1 else max(len(self.rig.cameras), 1)
 
     def clock_difference_s(self, other: Round) -> float:
