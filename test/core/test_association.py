@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from core_helpers import EXACT, FRAME_S, lifted, true_rig
 
-from stcalib_ros.core.association import SLOT_SAMPLES, associate
+from stcalib_ros.core.association import SLOT_SAMPLES, _average_link, associate
 from stcalib_ros.core.synthetic import simulate
 from stcalib_ros.core.types import Track
 
@@ -154,6 +154,25 @@ def test_tracks_that_are_not_there_are_nobody(crowd):
             slots = association.slot(camera.stamps[track.frames] + rig.offset_s[c])
             away = np.setdiff1d(np.arange(association.person_of[c].shape[1]), slots)
             assert (association.person_of[c][p, away] == -1).all()
+
+
+def test_groups_do_not_bring_together_what_is_apart():
+    # Two are people of one camera; both suit the third.
+    for third in range(3):
+        one, two = (k for k in range(3) if k != third)
+        cost, apart = np.zeros((3, 3)), np.eye(3, dtype=bool)
+        cost[third, one] = cost[one, third] = 0.1
+        cost[third, two] = cost[two, third] = 0.2
+        apart[one, two] = apart[two, one] = True
+        groups = _average_link(cost, (cost > 0).astype(float), apart)
+        assert sorted(sorted(g) for g in groups) == sorted([sorted([one, third]), [two]])
+
+
+def test_groups_are_merged_by_mean_cost():
+    cost = np.full((4, 4), 1.5)
+    cost[0, 1] = cost[1, 0] = cost[2, 3] = cost[3, 2] = 0.2
+    groups = _average_link(cost, np.ones((4, 4)), np.eye(4, dtype=bool))
+    assert sorted(sorted(g) for g in groups) == [[0, 1], [2, 3]]
 
 
 def test_margins_say_how_much_worse_the_next_best_is(exact_scene, exact_lifted):

@@ -91,6 +91,25 @@ def test_where_a_camera_has_no_image_nothing_is_seen(observed):
     assert np.isfinite(o.focal).all()
 
 
+def test_of_two_images_near_a_knot_the_nearer_is_taken(observed):
+    cameras, rig, association, o = observed
+    row_of = {key: n for n, key in enumerate(zip(o.person, o.knot, strict=True))}
+    rivals = 0
+    for c, camera in enumerate(cameras):
+        for p, track in enumerate(camera.tracks):
+            times = camera.stamps[track.frames] + rig.offset_s[c]
+            person = association.person_of[c][p, association.slot(times)]
+            elapsed = times - o.start_s
+            knot = np.rint(elapsed / o.step_s).astype(int)
+            away = np.abs(elapsed - knot * o.step_s)
+            for key, phi in zip(zip(person, knot, strict=True), away, strict=True):
+                if key in row_of:
+                    taken = abs(o.phi[row_of[key], c])
+                    assert taken <= phi + 1e-12
+                    rivals += taken < phi - 1e-12
+    assert rivals > 0 or len({round(1e4 * np.diff(c.stamps).max()) for c in cameras}) == 1
+
+
 def test_hardly_an_image_is_lost(observed):
     cameras, _, _, o = observed
     images = sum(len(t.frames) for camera in cameras for t in camera.tracks)
