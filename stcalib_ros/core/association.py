@@ -26,7 +26,6 @@ SLOT_SAMPLES = 50
 _SAMPLES_PER_SLOT = 8
 _MAX_DISTANCE = 1.2
 _MIN_SHARED = 12
-_MAX_GAP = 2.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,9 +119,9 @@ def _sample(camera: LiftedCamera, rig: Rig, i: int, times: FloatArray) -> _Sampl
     focal = np.full((P, S, K, J), np.nan)
     body = np.full((P, S, K, 3), np.nan)
     local = times.ravel() - rig.offset_s[i]
-    gap = _MAX_GAP * frame_period(camera.stamps)
+    period = frame_period(camera.stamps)
     for p, track in enumerate(camera.tracks):
-        at = Interpolation(camera.stamps[track.frames], local, max_gap=gap)
+        at = Interpolation(camera.stamps[track.frames], local, period=period)
         x[p, ..., :2] = at(track.x).reshape(S, K, J, 2)
         focal[p] = at(track.focal).reshape(S, K, J)
         centre = at(track.joints_cam).mean(1)

@@ -20,7 +20,6 @@ from stcalib_ros.core.types import FloatArray
 
 _MAX_POINTS = 1500
 _MIN_POINTS = 60
-_MAX_GAP = 2.6
 _NOISE_FLOOR_PX = 3.0
 _PRIOR_ROTATION = 0.1
 _PRIOR_DIRECTION = 0.2
@@ -79,7 +78,7 @@ def correspondences(
 ) -> Correspondences:
     """Matched key points at the lag of a hypothesis, thinned to about `max_points`."""
     cam_a, cam_b = cameras[h.a], cameras[h.b]
-    gap = _MAX_GAP * frame_period(cam_b.stamps)
+    period = frame_period(cam_b.stamps)
     total = sum(cam_a.tracks[p].x.shape[0] * cam_a.tracks[p].x.shape[1] for p, _ in h.matches)
     stride = max(1, -(-total // max_points))
     parts: list[tuple[FloatArray, ...]] = []
@@ -87,7 +86,7 @@ def correspondences(
         a, b = cam_a.tracks[p], cam_b.tracks[q]
         rows = np.arange(0, len(a.frames), stride)
         times = cam_a.stamps[a.frames[rows]] + h.lag_s
-        at = Interpolation(cam_b.stamps[b.frames], times, max_gap=gap)
+        at = Interpolation(cam_b.stamps[b.frames], times, period=period)
         x_a, x_b, v_b = a.x[rows], at(b.x), at.rate(b.x)
         focal = np.sqrt(a.focal[rows] * at(b.focal))
         good = np.isfinite(x_a).all(-1) & np.isfinite(x_b).all(-1)

@@ -19,22 +19,22 @@ from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.rounds import Round
 from stcalib_ros.core.skeleton import Skeleton
-from stcalib_ros.core.stba import persons_of
+from stcalib_ros.core.stba import at_images, persons_of
 from stcalib_ros.core.timeline import Interpolation, frame_period
 from stcalib_ros.core.types import FloatArray, IntArray, PairResidual
 
-MIN_INLIERS = 200
+MIN_INLIERS = 400
 MAX_ROTATION_STDDEV = 0.03
 MAX_CENTRE_STDDEV = 0.10
 MAX_OFFSET_STDDEV_FRAMES = 1.0
 MAX_BONE_ROTATION = 0.6
 DEPTH_RATIO = 1.6
-MIN_INLIER_SHARE = 0.4
+MIN_INLIER_SHARE = 0.55
 MIN_OFFSET_CONTRAST = 1.1
 _FAR_FRAMES = 3
 _CONTRAST_SCALE = 2.0
 _CONTRAST_JOINTS = 5
-_MAX_GAP = 2.6
+_MIN_CONTRAST_POINTS = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,7 +176,7 @@ def offset_contrasts(last: Round, *, max_shift: int) -> FloatArray:
 
     The error is the epipolar distance to the points of the other cameras, shifted by whole
     knots: it owes nothing to the triangulated points. Where nobody moves, all shifts fit
-    alike and the contrast is one.
+    alike and the contrast is one; where too few points are common it is zero.
     """
     C = len(last.rig.cameras)
     far = [*range(_FAR_FRAMES, 3 * _FAR_FRAMES), *range(3 * _FAR_FRAMES, max_shift + 1, 3)]
@@ -192,12 +192,12 @@ def offset_contrasts(last: Round, *, max_shift: int) -> FloatArray:
                 for c, order in ((a, slice(None, None, -1)), (b, slice(None))):
                     total[c] += cost[order]
                     count[c] += n[order]
-    known = count >= MIN_INLIERS
+    known = count >= _MIN_CONTRAST_POINTS
     mean = np.where(known, total / np.maximum(count, 1), np.inf)
     found = np.flatnonzero(shifts == 0)[0]
     others = np.where(shifts != 0, mean, np.inf).min(1)
-    here = np.where(known[:, found], np.maximum(mean[:, found], 1e-12), 1.0)
-    return np.asarray(others / here)
+    here = np.where(known[:, found], np.maximum(mean[:, found], 1e-12), np.inf)
+    return np.where(known[:, found], others, 0.0) / here
 
 
 def _shifted_costs(
@@ -229,11 +229,8 @@ def _image_paths(last: Round) -> Iterator[FloatArray]:
     joints = slice(None, None, max(1, o.x.shape[2] // _CONTRAST_JOINTS))
     R = np.swapaxes(state.R_cam_ref, -1, -2)
     for rows in persons_of(o):
-        X = state.X[rows, None, joints]
-        when = (o.phi[rows] + state.shift_s)[..., None, None]
-        V, A = state.V[rows, None, joints], state.A[rows, None, joints]
-        moved = X + when * (V + 0.5 * when * A)
-        at_knot, at_image = (Y @ R + state.t_cam_ref[:, None] for Y in (X, moved))
+        X = (state.X[rows][:, None, joints], at_images(o, state, rows)[:, :, joints])
+        at_knot, at_image = (one @ R + state.t_cam_ref[:, None] for one in X)
         with np.errstate(divide="ignore", invalid="ignore"):
             motion = at_image[..., :2] / at_image[..., 2:] - at_knot[..., :2] / at_knot[..., 2:]
         points = np.concatenate(
@@ -292,12 +289,12 @@ def _matched_bones(
     rig = last.rig
     cam_a, cam_b = cameras[rig.cameras[a]], cameras[rig.cameras[b]]
     lag = rig.offset_s[a] - rig.offset_s[b]
-    gap = _MAX_GAP * frame_period(cam_b.stamps)
+    period = frame_period(cam_b.stamps)
     pairs_a, pairs_b = [np.zeros((0, 3))], [np.zeros((0, 3))]
     for p, q in matches_of(last, a, b):
         track_a, track_b = cam_a.tracks[p], cam_b.tracks[q]
         times = cam_a.stamps[track_a.frames]
-        at = Interpolation(cam_b.stamps[track_b.frames], times + lag, max_gap=gap)
+        at = Interpolation(cam_b.stamps[track_b.frames], times + lag, period=period)
         slot = last.association.slot(times + rig.offset_s[a])
         same = last.association.person_of[a][p][slot] == last.association.person_of[b][q][slot]
         v_a = _bones(track_a.joints_cam, skeleton)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core import stba
 from stcalib_ros.core.layouts import Layout
 from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.rounds import Round
+from stcalib_ros.core.result import found_persons, length_unit
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _LINES = (
@@ -61,19 +59,18 @@ def person_rows(stages: Stages) -> tuple[IntArray, ...]:
     """Rows of the last round's observations that show each person of the calibration."""
     if not stages.calibration.persons:
         return ()
-    rows = _rows_by_error(stages.rounds[-1])
+    last = stages.rounds[-1]
     return tuple(
-        rows[min(rows, key=lambda error: abs(error - person.reprojection_rms_px))]
-        for person in stages.calibration.persons
+        np.flatnonzero(last.observations.person == number)
+        for number, _ in found_persons(stages.lifted, last)
     )
 
 
 def unit_of(stages: Stages) -> float:
     """Factor from lengths of the adjustment to those of the calibration; 1 without poses."""
-    published = np.array([camera.t_ref_cam for camera in stages.calibration.cameras])
-    if not len(published):
+    if not stages.calibration.cameras:
         return 1.0
-    return float(np.linalg.norm(published) / np.linalg.norm(stages.rounds[-1].rig.t_ref_cam))
+    return length_unit(stages.lifted, stages.rounds[-1], metric=stages.calibration.metric)
 
 
 def bones(layout: Layout) -> tuple[tuple[int, int], ...]:
@@ -83,20 +80,6 @@ def bones(layout: Layout) -> tuple[tuple[int, int], ...]:
     if not {"spine", "spine1", "neck", "pelvis"} & set(names):
         pairs += [(names.index(a), names.index(b)) for a, b in _LINES if {a, b} <= set(names)]
     return tuple(pairs)
-
-
-def _rows_by_error(last: Round) -> Mapping[float, IntArray]:
-    """Rows of every person of the adjustment, by the reprojection error (rms, px) he has."""
-    o = last.observations
-    errors = stba.errors_px(o, last.state)
-    good = last.state.used & np.isfinite(errors)
-    found: dict[float, IntArray] = {}
-    for person in np.unique(o.person):
-        rows = np.flatnonzero(o.person == person)
-        if good[rows].any():
-            e = errors[rows][good[rows]]
-            found[float(np.sqrt((e**2).mean()))] = rows
-    return found
 
 
 def _trajectory(person_id: int, stages: Stages, rows: IntArray, unit: float) -> PersonTrajectory:

@@ -55,7 +55,7 @@ def make_calibration(
     rig, o = last.rig, last.observations
     metric = all(recording.cameras[c].metric for c in rig.cameras)
     order = np.argsort(rig.cameras, kind="stable")
-    unit = depth_scale(cameras, last) if metric else _first_baseline(rig.t_ref_cam[order])
+    unit = length_unit(cameras, last, metric=metric)
     grow = np.ones(len(covariance))
     grow[np.add.outer(7 * np.arange(len(order)), range(3)).ravel()] = unit
     rows = np.add.outer(7 * order, range(7)).ravel()
@@ -77,7 +77,7 @@ def make_calibration(
             for i, c in enumerate(order)
         ),
         uncalibrated=tuple(uncalibrated),
-        persons=persons(cameras, last, errors),
+        persons=tuple(person for _, person in found_persons(cameras, last)),
         pairs=pair_residuals(cameras, skeleton, last),
         reprojection_rms_px=float(np.sqrt((inliers**2).mean())),
         n_observations=int(o.seen.sum()),
@@ -87,8 +87,12 @@ def make_calibration(
     )
 
 
-def _first_baseline(t_ref_cam: FloatArray) -> float:
-    return 1.0 / float(np.linalg.norm(t_ref_cam[1] - t_ref_cam[0]))
+def length_unit(cameras: Sequence[LiftedCamera], last: Round, *, metric: bool) -> float:
+    """Factor from lengths of the adjustment to those of the result."""
+    if metric:
+        return depth_scale(cameras, last)
+    first, second = np.argsort(last.rig.cameras, kind="stable")[:2]
+    return 1.0 / float(np.linalg.norm(last.rig.t_ref_cam[second] - last.rig.t_ref_cam[first]))
 
 
 def _window(cameras: Sequence[LiftedCamera], last: Round) -> tuple[float, float]:
@@ -114,24 +118,29 @@ def _camera(
     )
 
 
-def persons(
-    cameras: Sequence[LiftedCamera], last: Round, errors: FloatArray
-) -> tuple[PersonAssociation, ...]:
-    """Persons that at least two cameras see, numbered by how much is seen of them."""
+def found_persons(
+    cameras: Sequence[LiftedCamera], last: Round
+) -> tuple[tuple[int, PersonAssociation], ...]:
+    """Persons that at least two cameras see, numbered by how much is seen of them.
+
+    Each with his number in the observations of the round.
+    """
     o, association = last.observations, last.association
+    errors = stba.errors_px(o, last.state)
     good = last.state.used & np.isfinite(errors)
     found = []
-    for person in np.unique(o.person):
+    for person in np.unique(o.person).tolist():
         rows = o.person == person
-        tracks = _tracks(cameras, last, association, int(person))
+        tracks = _tracks(cameras, last, association, person)
         e = errors[rows][good[rows]]
         if len(tracks) >= 2 and len(e):
             rms = float(np.sqrt((e**2).mean()))
-            found.append((len(e), tracks, rms, association.margins.get(int(person), float("inf"))))
+            margin = association.margins.get(person, float("inf"))
+            found.append((len(e), person, tracks, rms, margin))
     found.sort(key=lambda f: -f[0])
     return tuple(
-        PersonAssociation(i, tracks, rms, margin)
-        for i, (_, tracks, rms, margin) in enumerate(found)
+        (person, PersonAssociation(i, tracks, rms, margin))
+        for i, (_, person, tracks, rms, margin) in enumerate(found)
     )
 
 

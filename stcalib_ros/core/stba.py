@@ -123,11 +123,19 @@ def persons_of(o: Observations) -> Iterator[slice]:
             yield slice(begin, end)
 
 
+def at_images(
+    o: Observations, state: BundleState, rows: slice | IntArray = slice(None)
+) -> FloatArray:
+    """Joints (N, C, J, 3) in the reference frame at the time of each camera's image."""
+    when = (o.phi[rows] + state.shift_s)[..., None, None]
+    V, A = state.V[rows][:, None], state.A[rows][:, None]
+    return np.asarray(state.X[rows][:, None] + when * (V + 0.5 * when * A))
+
+
 def residuals_px(o: Observations, state: BundleState) -> tuple[FloatArray, BoolArray]:
     """Reprojection residuals (N, C, J, 2), px, and which of them take part and are finite."""
-    when = (o.phi + state.shift_s)[..., None, None]
-    X = state.X[:, None] + when * (state.V[:, None] + 0.5 * when * state.A[:, None])
-    Y = X @ np.swapaxes(state.R_cam_ref, -1, -2) + state.t_cam_ref[:, None]
+    R = np.swapaxes(state.R_cam_ref, -1, -2)
+    Y = at_images(o, state) @ R + state.t_cam_ref[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         r = (Y[..., :2] / Y[..., 2:] - o.x) * o.focal[..., None]
     r[Y[..., 2] < _NEAREST] = np.inf

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.lift import LiftedCamera, LiftedTrack
+from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.skeleton import Skeleton
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _MAX_GAP = 2.6
-"""Frames further apart than this many frame periods are not bridged."""
+"""Samples further apart than this many periods are not bridged."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +64,7 @@ def sample_camera(
     weight = np.zeros((P, n, D))
     position = np.full((P, n, 3), np.nan)
     for p, track in enumerate(camera.tracks):
-        at = Interpolation(camera.stamps[track.frames], times, max_gap=_MAX_GAP * period)
+        at = Interpolation(camera.stamps[track.frames], times, period=period)
         joints = at(track.joints_cam)
         body = joints_centre(joints, skeleton)
         bones = np.einsum("dj,njk->ndk", skeleton.directions, np.nan_to_num(joints))
@@ -99,11 +99,11 @@ class Interpolation:
         Increasing times of the samples.
     times : (N,) ndarray
         Where values are wanted.
-    max_gap : float
-        Longest interval between two samples that is bridged, seconds.
+    period : float
+        Usual interval between samples, seconds; one lost sample is bridged.
     """
 
-    def __init__(self, stamps: FloatArray, times: FloatArray, *, max_gap: float) -> None:
+    def __init__(self, stamps: FloatArray, times: FloatArray, *, period: float) -> None:
         after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
         self.before: IntArray = after - 1
         self.after: IntArray = np.minimum(after, len(stamps) - 1)
@@ -112,7 +112,9 @@ class Interpolation:
             self.fraction: FloatArray = (times - stamps[self.before]) / interval
         slack = 1e-6
         self.inside: BoolArray = (
-            (interval <= max_gap) & (self.fraction >= -slack) & (self.fraction <= 1 + slack)
+            (interval <= _MAX_GAP * period)
+            & (self.fraction >= -slack)
+            & (self.fraction <= 1 + slack)
         )
         self.interval: FloatArray = interval
 
@@ -131,9 +133,3 @@ class Interpolation:
 def common_step(cameras: Sequence[LiftedCamera]) -> float:
     """Step of the grid: the frame period of the fastest camera."""
     return min(frame_period(camera.stamps) for camera in cameras)
-
-
-def track_span(track: LiftedTrack, camera: LiftedCamera) -> tuple[float, float]:
-    """First and last time of a track by the clock of its camera."""
-    times = camera.stamps[track.frames]
-    return float(times[0]), float(times[-1])

@@ -9,6 +9,7 @@ import numpy as np
 from stcalib_ros.core.observations import Observations
 from stcalib_ros.core.pipeline import Stages
 from stcalib_ros.core.reconstruction import person_rows, unit_of
+from stcalib_ros.core.stba import at_images
 from stcalib_ros.core.types import FloatArray, IntArray
 from stcalib_ros.report.room import Room
 
@@ -119,7 +120,7 @@ def _sights(stages: Stages, room: Room, rows: IntArray) -> _Sights:
     o, state = last.observations, last.state
     unit = unit_of(stages)
     elapsed = o.phi[rows] + state.shift_s
-    X = unit * (state.X[rows][:, None] + elapsed[..., None, None] * state.V[rows][:, None])
+    X = unit * at_images(o, state, rows)
     known = (state.used[rows].sum(1) >= 2)[:, None] & o.seen[rows]
     heights = np.full(known.shape, np.nan)
     for c, R_ref_cam in enumerate(last.rig.R_ref_cam):

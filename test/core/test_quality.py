@@ -40,7 +40,7 @@ def test_sound_evidence_gives_no_complaint():
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"inliers": 150}, "only 150 of its image points fit, 200 are needed"),
+        ({"inliers": 150}, "only 150 of its image points fit, 400 are needed"),
         ({"inlier_share": 0.3}, "only 30 % of its image points fit: check its intrinsics"),
         ({"bone_rotation": 1.0}, "disagree with its rotation by 57 degrees"),
         ({"bone_rotation": float("nan")}, "disagree with its rotation"),

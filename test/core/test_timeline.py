@@ -16,7 +16,6 @@ from stcalib_ros.core.timeline import (
     frame_period,
     joints_centre,
     sample_camera,
-    track_span,
 )
 
 seeds = st.integers(0, 2**32 - 1)
@@ -27,7 +26,7 @@ def test_linear_signals_are_exact(seed, slope, value):
     rng = np.random.default_rng(seed)
     stamps = np.cumsum(rng.uniform(0.5, 1.5, 20))
     times = rng.uniform(stamps[0], stamps[-1], 30)
-    at = Interpolation(stamps, times, max_gap=2.0)
+    at = Interpolation(stamps, times, period=1.0)
     signal = value + slope * stamps[:, None]
     np.testing.assert_allclose(at(signal), value + slope * times[:, None], atol=1e-9)
     np.testing.assert_allclose(at.rate(signal), slope, atol=1e-9)
@@ -36,26 +35,26 @@ def test_linear_signals_are_exact(seed, slope, value):
 def test_samples_themselves_are_returned():
     stamps = np.array([0.0, 1.0, 2.5, 3.0])
     values = np.array([[3.0], [1.0], [4.0], [1.0]])
-    np.testing.assert_allclose(Interpolation(stamps, stamps, max_gap=2.0)(values), values)
+    np.testing.assert_allclose(Interpolation(stamps, stamps, period=1.0)(values), values)
 
 
 def test_gaps_are_not_bridged_and_nothing_is_known_outside():
     stamps = np.array([0.0, 1.0, 2.0, 5.0, 6.0])
     times = np.array([-0.1, 0.5, 1.5, 2.1, 3.5, 4.9, 5.5, 6.1])
-    at = Interpolation(stamps, times, max_gap=2.6)
+    at = Interpolation(stamps, times, period=1.0)
     expected = [np.nan, 0.5, 1.5, np.nan, np.nan, np.nan, 5.5, np.nan]
     np.testing.assert_allclose(at(stamps), expected)
     np.testing.assert_array_equal(np.isfinite(at.rate(stamps)), np.isfinite(expected))
 
 
 def test_an_unknown_sample_makes_its_neighbourhood_unknown():
-    at = Interpolation(np.arange(4.0), np.array([0.5, 1.5, 2.5]), max_gap=2.0)
+    at = Interpolation(np.arange(4.0), np.array([0.5, 1.5, 2.5]), period=1.0)
     np.testing.assert_allclose(at(np.array([0.0, 1.0, np.nan, 3.0])), [0.5, np.nan, np.nan])
 
 
 @pytest.mark.parametrize("time", [0.9, 1.0, 1.1])
 def test_one_sample_is_no_interval(time):
-    at = Interpolation(np.array([1.0]), np.array([time]), max_gap=2.0)
+    at = Interpolation(np.array([1.0]), np.array([time]), period=1.0)
     assert np.isnan(at(np.array([5.0]))).all()
     assert np.isnan(at.rate(np.array([5.0]))).all()
 
@@ -148,10 +147,3 @@ def test_the_step_is_that_of_the_fastest_camera(exact_lifted):
     slow = replace(cameras[1], stamps=2 * cameras[1].stamps)
     assert common_step([slow, cameras[0]]) == pytest.approx(FRAME_S)
     assert common_step([slow]) == pytest.approx(2 * FRAME_S)
-
-
-def test_the_span_of_a_track_is_by_the_clock_of_its_camera(exact_lifted):
-    _, cameras = exact_lifted
-    track = cameras[2].tracks[0]
-    frames = track.frames[[0, -1]]
-    assert track_span(track, cameras[2]) == tuple(cameras[2].stamps[frames])
