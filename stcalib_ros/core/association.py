@@ -26,6 +26,7 @@ SLOT_SAMPLES = 50
 _SAMPLES_PER_SLOT = 8
 _MAX_DISTANCE = 1.2
 _MIN_SHARED = 12
+_TOLERANCE_FACTOR = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +41,8 @@ class Association:
         Begin of slot 0 by the reference clock and length of a slot, seconds.
     n_persons : int
     typical_px : float
-        Median epipolar distance of what was put together.
+        Median epipolar distance of mutually nearest pieces; a third of the floor where it is
+        less.
     margins : mapping of int to float
         Per person, epipolar distance of the next best assignment over that of this one; inf
         where nobody else was there to be mistaken for him.
@@ -101,9 +103,6 @@ def associate(
     typical = tolerance / _TOLERANCE_FACTOR
     margins = _margins(chain.person_of, distance, chain.n_persons)
     return Association(tuple(chain.person_of), start, slot_s, chain.n_persons, typical, margins)
-
-
-_TOLERANCE_FACTOR = 3.0
 
 
 def _span(members: Sequence[LiftedCamera], rig: Rig) -> tuple[float, float]:

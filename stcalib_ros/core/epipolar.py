@@ -40,8 +40,8 @@ class Correspondences:
         Time derivative of `x_b`, per second.
     focal : (M,) ndarray
         Pixels per unit of x, geometric mean of both cameras.
-    depth_difference : (K, 3), (K, 3) ndarrays
-        Middle of the body in both cameras' frames, metres.
+    body_a, body_b : (K, 3) ndarray
+        Middle of the same bodies at the same moments in the two optical frames, metres.
     """
 
     x_a: FloatArray

@@ -227,8 +227,8 @@ def assert_never_wrong_and_ok(options: SceneOptions, n: int) -> list[Status]:
 
 def test_short_clips_with_bad_poses_are_right_or_not_ok():
     hard = SceneOptions(n_frames=40, n_people=2, lifter_mm=(110.0, 110.0))
-    statuses = assert_never_wrong_and_ok(hard, 10)
-    assert statuses.count(Status.OK) >= 4
+    statuses = assert_never_wrong_and_ok(hard, 6)
+    assert statuses.count(Status.OK) >= 3
 
 
 def test_people_who_move_identically_are_told_apart_or_it_is_not_ok(monkeypatch):
