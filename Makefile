@@ -8,11 +8,12 @@ DEMO_ARGS :=
 
 ROS := source scripts/activate.sh $(ROS_DISTRO)
 
-.PHONY: help demo test test-ros lint env clean
+.PHONY: help demo level test test-ros lint env clean
 .NOTPARALLEL:
 
 help:
 	@echo "make demo     calibrate four real cameras from a recording, with a picture (no ROS needed)"
+	@echo "make level    print what accuracy simulated scenes and the demo recording reach"
 	@echo "make test     lint and test everything, with real ROS 2 (ROS_DISTRO=jazzy or kilted)"
 	@echo "make lint     ruff and mypy"
 	@echo "make env      set up ROS 2 and build the package; then: source scripts/activate.sh"
@@ -21,6 +22,10 @@ help:
 demo:
 	@scripts/setup.sh core
 	@MPLCONFIGDIR=$(CURDIR)/.venv/matplotlib .venv/bin/python -m stcalib_ros.demo $(DEMO_ARGS)
+
+level:
+	@scripts/setup.sh core
+	@.venv/bin/python -m benchmarks.level --demo
 
 test: lint env
 	@$(ROS) && python -m pytest $(PYTEST_ARGS)
