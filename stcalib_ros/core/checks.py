@@ -50,9 +50,11 @@ def require_reference(recording: Recording, options: Options) -> int:
     Raises
     ------
     InputError
-        Two cameras have one name, or the reference is not among the cameras.
+        There is no camera, two have one name, or the reference is not among the cameras.
     """
     names = [camera.name for camera in recording.cameras]
+    if not names:
+        raise InputError("no camera in the recording: at least two with person poses are needed")
     if twice := sorted({n for n in names if names.count(n) > 1}):
         raise InputError(f"two cameras are called {twice[0]!r}: give every camera its own name")
     if options.reference is None:
@@ -149,10 +151,14 @@ def _clock_rejection(
         )
     else:
         reason = (
-            f"only {len(camera.stamps)} images and fewer than {options.min_common_frames} in "
+            f"only {_images(len(camera.stamps))} and fewer than {options.min_common_frames} in "
             "common with the others; record longer"
         )
     return UncalibratedCamera(camera.name, reason)
+
+
+def _images(n: int) -> str:
+    return "1 image" if n == 1 else f"{n} images"
 
 
 def _require_motion(cameras: Sequence[LiftedCamera]) -> None:
@@ -176,7 +182,8 @@ def movement_of(track: LiftedTrack, stamps: FloatArray) -> float:
     period = frame_period(stamps)
     width = max(1, round(_SMOOTHING_S / period)) if np.isfinite(period) else 1
     F = len(track.frames)
-    if 2 * width > F:
+    width = min(width, max(1, F // 2))
+    if F < 2:
         return 0.0
     known = np.isfinite(track.x[..., 0])
     n = _moving_sum(known.astype(float), width)

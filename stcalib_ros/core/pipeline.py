@@ -177,7 +177,7 @@ class _Run:
             rng=np.random.default_rng(self.options.seed),
         )
         start, rival = self._best_start()
-        complaint = None if rival is None else _rivalry(start, rival, self.step_s)
+        complaint = None if rival is None else self._rivalry(start, rival)
         while True:
             self.rounds = self._iterate(start)
             last = self.rounds[-1]
@@ -337,6 +337,17 @@ class _Run:
         names = [self.lifted[rig.cameras[i]].name for i in members]
         self.rejected += [UncalibratedCamera(name, reason) for name in names]
 
+    def _rivalry(self, best: Round, other: Round) -> str:
+        """Say how two solutions that fit alike differ."""
+        frames = best.clock_difference_s(other) / self.step_s
+        return (
+            f"two solutions fit about equally well; their clocks differ by {frames:.1f} frames and "
+            "their poses with them: motion that repeats itself, or people who move alike, do not "
+            "tell them apart, or the true offset lies outside of offset_range_s "
+            f"(+-{self.options.offset_range_s:g} s); set that to what is possible, or record more "
+            "varied motion"
+        )
+
     def _verdict(
         self, covariance: FloatArray, complaint: str | None, found: Sequence[CameraEvidence]
     ) -> Calibration:
@@ -378,13 +389,3 @@ def _fits(starts: Sequence[_Start]) -> list[float]:
     """How well each fits, all by the same measure."""
     scale_px = max(_FIT_SCALE_PX, 2.0 * min(start.median_px for start, _ in starts))
     return [start.fit(scale_px) for start, _ in starts]
-
-
-def _rivalry(best: Round, other: Round, step_s: float) -> str:
-    """Say how two solutions that fit alike differ."""
-    frames = best.clock_difference_s(other) / step_s
-    return (
-        f"two solutions fit about equally well; their clocks differ by {frames:.1f} frames and "
-        "their poses with them: motion that repeats itself, or people who move alike, do not tell "
-        "them apart; narrow offset_range_s or record more varied motion"
-    )

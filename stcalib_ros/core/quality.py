@@ -17,20 +17,23 @@ from stcalib_ros.core.epipolar import correspondences, sampson
 from stcalib_ros.core.geometry import best_rotation, hat, rotation_angle
 from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.lift import LiftedCamera
-from stcalib_ros.core.rounds import Round
+from stcalib_ros.core.rounds import Round, image_points
 from stcalib_ros.core.skeleton import Skeleton
 from stcalib_ros.core.stba import at_images, persons_of
 from stcalib_ros.core.timeline import Interpolation, frame_period
 from stcalib_ros.core.types import FloatArray, IntArray, PairResidual
 
 MIN_INLIERS = 400
-MAX_ROTATION_STDDEV = 0.03
+MAX_ROTATION_STDDEV = 0.015
 MAX_CENTRE_STDDEV = 0.10
 MAX_OFFSET_STDDEV_FRAMES = 1.0
-MAX_BONE_ROTATION = 0.6
+MAX_BONE_ROTATION = 0.3
 DEPTH_RATIO = 1.6
 MIN_INLIER_SHARE = 0.55
-MIN_OFFSET_CONTRAST = 1.1
+MIN_EXPLAINED = 0.5
+SURE_ROTATION_STDDEV = 0.005
+SURE_BONE_ROTATION = 0.1
+MIN_OFFSET_CONTRAST = 1.3
 _FAR_FRAMES = 3
 _CONTRAST_SCALE = 2.0
 _CONTRAST_JOINTS = 5
@@ -47,6 +50,9 @@ class CameraEvidence:
         Image points that fit.
     inlier_share : float
         Of the image points of associated persons.
+    explained : float
+        Inliers over all image points that it has, of whomever. Two cameras that share nobody
+        still find a pose at which somebody's steps agree for a while.
     rotation_stddev : float
         Largest standard deviation of its rotation about any axis, rad.
     centre_stddev : float
@@ -64,6 +70,7 @@ class CameraEvidence:
 
     inliers: int
     inlier_share: float
+    explained: float
     rotation_stddev: float
     centre_stddev: float
     offset_stddev_frames: float
@@ -82,6 +89,15 @@ class CameraEvidence:
             return (
                 f"only {100 * self.inlier_share:.0f} % of its image points fit: check its "
                 "intrinsics, and that its key points belong to the image CameraInfo describes"
+            )
+        sure = (
+            self.rotation_stddev < SURE_ROTATION_STDDEV and self.bone_rotation < SURE_BONE_ROTATION
+        )
+        if self.explained < MIN_EXPLAINED and not sure:
+            return (
+                f"only {100 * self.explained:.0f} % of all that it sees agrees with the others: "
+                "it may show other people; let the same people walk where it and the others see "
+                "them, and record longer"
             )
         if not self.bone_rotation < MAX_BONE_ROTATION:
             return (
@@ -145,6 +161,7 @@ def evidence(
     C, frame_s = len(last.rig.cameras), last.observations.step_s
     contrast = offset_contrasts(last, max_shift=int(np.ceil(offset_range_s / frame_s)))
     used, seen = last.state.used.sum((0, 2)), last.observations.seen.sum((0, 2))
+    total = image_points([cameras[c] for c in last.rig.cameras])
     reach = usual_distances(last)
     turned = bone_rotations(cameras, skeleton, last)
     depth = depth_ratios(cameras, last)
@@ -160,6 +177,7 @@ def evidence(
             CameraEvidence(
                 inliers=int(used[c]),
                 inlier_share=float(used[c] / max(int(seen[c]), 1)),
+                explained=float(used[c] / max(int(total[c]), 1)),
                 rotation_stddev=worst[1],
                 centre_stddev=worst[0] / float(reach[c]),
                 offset_stddev_frames=float(np.sqrt(max(block[6, 6], 0.0))) / frame_s,

@@ -24,6 +24,8 @@ _MAX_POINTS_FIRST = 5000
 _MIN_SHARED_POINTS = 100
 _MIN_SHARE = 0.1
 _OTHER_ROTATION = 0.1
+_OTHER_POSITION = 0.3
+_OTHER_DISTANCE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,9 +82,7 @@ class Round:
         for anchor in common:
             cameras = np.array([anchor, *(c for c in common if c != anchor)])
             mine, its = (_part(one.rig, cameras) for one in (self, other))
-            R = np.swapaxes(mine.R_ref_cam, -1, -2) @ its.R_ref_cam
-            shifted = np.abs(mine.offset_s - its.offset_s) > tolerance_s
-            counts.append(int(((rotation_angle(R) > _OTHER_ROTATION) | shifted).sum()))
+            counts.append(int(_elsewhere(mine, its, tolerance_s).sum()))
         return min(counts) if len(common) > 1 else max(len(self.rig.cameras), 1)
 
     def clock_difference_s(self, other: Round) -> float:
@@ -191,7 +191,7 @@ def _round(
     state = stba.initial_state(observations, rig)
     if drop:
         state = drop_outliers(observations, state, o)
-    total = _image_points([cameras[c] for c in rig.cameras]) // every
+    total = image_points([cameras[c] for c in rig.cameras]) // every
     groups = connected(state.used, total)
     if len(groups) > 1:
         return Unconnected(tuple(groups))
@@ -217,7 +217,8 @@ def _round(
     )
 
 
-def _image_points(members: Sequence[LiftedCamera]) -> IntArray:
+def image_points(members: Sequence[LiftedCamera]) -> IntArray:
+    """Image points (C,) of all tracks of some cameras, matched or not."""
     return np.array([sum(np.isfinite(t.x[..., 0]).sum() for t in m.tracks) for m in members])
 
 
@@ -272,6 +273,16 @@ def _rig_of(state: stba.BundleState, rig: Rig) -> Rig:
         t_ref_cam=0.0 - np.einsum("cij,cj->ci", R_ref_cam, state.t_cam_ref),
         offset_s=rig.offset_s + state.shift_s,
     )
+
+
+def _elsewhere(one: Rig, other: Rig, tolerance_s: float) -> BoolArray:
+    """Cameras (C,) that stand, look or run elsewhere in another rig of the same cameras."""
+    turned = rotation_angle(np.swapaxes(one.R_ref_cam, -1, -2) @ other.R_ref_cam)
+    apart = np.linalg.norm(one.t_ref_cam - other.t_ref_cam, axis=-1)
+    reach = np.linalg.norm(one.t_ref_cam, axis=-1)
+    shifted = np.abs(one.offset_s - other.offset_s)
+    moved = apart > _OTHER_POSITION + _OTHER_DISTANCE * reach
+    return np.asarray((turned > _OTHER_ROTATION) | moved | (shifted > tolerance_s))
 
 
 def _part(rig: Rig, cameras: IntArray) -> Rig:

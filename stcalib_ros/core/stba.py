@@ -25,6 +25,7 @@ _CAMERA = 7  # rotation, translation, offset
 _CAUCHY = 2.385
 _RAYLEIGH_MEDIAN = 1.17741
 _MIN_SCALE_PX = 0.5
+_LEAST_SHARE = 0.2
 _NEAREST = 0.1
 _MIN_RENEWALS = 8
 
@@ -149,9 +150,17 @@ def errors_px(o: Observations, state: BundleState) -> FloatArray:
 
 
 def robust_scale(errors: FloatArray, used: BoolArray) -> float:
-    """Standard deviation (px, per axis) of the used observations, from their median."""
-    e = errors[used & np.isfinite(errors)]
-    return float(np.median(e)) / _RAYLEIGH_MEDIAN if len(e) else float("nan")
+    """Standard deviation (px, per axis) of the used observations (N, C, J), from their median.
+
+    Every point takes three of the coordinates of its observations: what the residuals keep of
+    the noise is smaller by that share.
+    """
+    known = used & np.isfinite(errors)
+    if not known.any():
+        return float("nan")
+    share = 1.0 - 1.5 * float((known.sum(1) >= 2).sum()) / float(known.sum())
+    sigma = float(np.median(errors[known])) / _RAYLEIGH_MEDIAN
+    return sigma / float(np.sqrt(max(share, _LEAST_SHARE)))
 
 
 def adjust(

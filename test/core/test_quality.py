@@ -24,6 +24,7 @@ from stcalib_ros.core.quality import (
 SOUND = CameraEvidence(
     inliers=5000,
     inlier_share=0.95,
+    explained=0.9,
     rotation_stddev=0.001,
     centre_stddev=0.002,
     offset_stddev_frames=0.01,

@@ -244,3 +244,17 @@ def test_people_who_move_identically_are_told_apart_or_it_is_not_ok(monkeypatch)
 
     monkeypatch.setattr(scene, "make_people", identical)
     assert_never_wrong_and_ok(SceneOptions(n_frames=80, n_people=2), 5)
+
+
+# Recordings at the edge
+
+
+def test_no_camera_at_all():
+    with pytest.raises(InputError, match="no camera"):
+        calibrate(Recording(()), HALF_SECOND)
+
+
+@pytest.mark.parametrize("n", [12, 15])
+def test_people_who_walk_in_a_short_clip_are_not_said_to_stand(n):
+    short = every(simulate(replace(SMALL, n_cameras=4)).recording, first(n))
+    assert "nobody moves" not in calibrate(short, HALF_SECOND).message

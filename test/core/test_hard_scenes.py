@@ -1,0 +1,44 @@
+"""Scenes that once led to a wrong calibration that was called OK."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from core_helpers import HALF_SECOND, error
+
+from stcalib_ros.core.pipeline import calibrate
+from stcalib_ros.core.synthetic import SceneOptions, scene, simulate
+from stcalib_ros.core.types import Status
+
+
+def assert_right_or_not_ok(options):
+    hard = simulate(options)
+    calibration = calibrate(hard.recording, HALF_SECOND)
+    if calibration.status is Status.OK:
+        e = error(calibration, hard.truth)
+        assert e.E_R < 0.1, e
+        assert e.E_t < 0.1, e
+        assert e.E_delta < 1.0, e
+
+
+@pytest.mark.parametrize("seed", range(6, 10))
+def test_short_clips_with_bad_poses(seed):
+    assert_right_or_not_ok(
+        SceneOptions(n_frames=40, n_people=2, lifter_mm=(110.0, 110.0), seed=seed)
+    )
+
+
+def test_one_person_two_cameras():
+    assert_right_or_not_ok(SceneOptions(n_cameras=2, n_people=1, n_frames=100, seed=2))
+
+
+def test_three_identical_people_in_a_row_at_equal_distances(monkeypatch):
+    real = scene.make_people
+
+    def identical(*args):
+        one = real(*args)[0]
+        shifts = [np.array([1.2 * k, 0.4 * k, 0.0]) for k in range(3)]
+        return (one, *((lambda times, s=s: one(times) + s) for s in shifts[1:]))
+
+    monkeypatch.setattr(scene, "make_people", identical)
+    assert_right_or_not_ok(SceneOptions(n_people=3, n_frames=60, seed=1))
