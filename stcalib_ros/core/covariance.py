@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from stcalib_ros.core import stba
@@ -13,6 +15,7 @@ PARAMETERS = ("x", "y", "z", "rot_x", "rot_y", "rot_z", "time_offset_s")
 _LONGEST_SPAN = 150
 _SHORTEST_SPAN = 15
 _CLUSTERS_PER_UNKNOWN = 3
+_VELOCITY_HALF_WINDOW = 8
 
 
 def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
@@ -22,6 +25,9 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
     long as it sees the person from that side. The covariance therefore is the cluster-robust
     one, ``H^-1 (sum_k u_k u_k^T) H^-1`` with the gradients u_k of everything that is seen of
     one joint of one person over five seconds or so: only these are taken as independent.
+
+    Noise in the velocities would pass for knowledge of the offsets: here they are read over
+    half a second and more.
 
     The gauge is the pose and clock of the reference and the length of the first baseline,
     whose rows are zero.
@@ -38,7 +44,7 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
         Per camera x, y, z of its centre, rotation about the fixed axes of the reference frame
         (rad) and offset (s).
     """
-    system, scores, points = stba.point_scores(o, state)
+    system, scores, points = stba.point_scores(o, _calmed(o, state))
     free, scale = stba.gauge(state.t_cam_ref)
     H = (system.H + 1e6 * np.diag(system.H).max() * np.outer(scale, scale))[np.ix_(free, free)]
     size = np.sqrt(np.maximum(np.diag(H), 1e-30))
@@ -50,6 +56,12 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
     covariance[np.ix_(free, free)] = inverse @ (U @ U.T) @ inverse * n / max(n - len(free), 1)
     J = _to_reference(state)
     return np.asarray(J @ covariance @ J.T)
+
+
+def _calmed(o: Observations, state: stba.BundleState) -> stba.BundleState:
+    """The state with velocities of less noise."""
+    V, A = stba.motion(o, state.X, state.used.sum(1) >= 2, half_window=_VELOCITY_HALF_WINDOW)
+    return replace(state, V=V, A=A)
 
 
 def _cluster_sums(

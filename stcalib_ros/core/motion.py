@@ -6,20 +6,23 @@ import numpy as np
 
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
-_HALF_WINDOW = 3
 _ORDER = 3
 _RIDGE = (1e-9, 1e-6, 1e-4, 1e-4)
 """Keeps the higher terms at zero where the window has too few samples to see them."""
 
 
-def local_cubic(X: FloatArray, present: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Savitzky-Golay fit (seven samples, cubic) of trajectories, missing samples left out.
+def local_cubic(
+    X: FloatArray, present: BoolArray, *, half_window: int = 3
+) -> tuple[FloatArray, FloatArray]:
+    """Savitzky-Golay fit (cubic, seven samples) of trajectories, missing samples left out.
 
     Parameters
     ----------
     X : (K, ..., 3) ndarray
         Positions at uniform times along the first axis; anything where not present.
     present : (K, ...) ndarray of bool
+    half_window : int
+        Samples to either side that are fitted.
 
     Returns
     -------
@@ -28,8 +31,8 @@ def local_cubic(X: FloatArray, present: BoolArray) -> tuple[FloatArray, FloatArr
     acceleration : (K, ..., 3) ndarray
         Per squared sample; zero where nothing near is present.
     """
-    window = np.arange(-_HALF_WINDOW, _HALF_WINDOW + 1)
-    pad = [(_HALF_WINDOW, _HALF_WINDOW)] + [(0, 0)] * (X.ndim - 1)
+    window = np.arange(-half_window, half_window + 1)
+    pad = [(half_window, half_window)] + [(0, 0)] * (X.ndim - 1)
     padded = np.pad(np.where(present[..., None], X, 0.0), pad)
     there = np.pad(present, pad[:-1])
     shifted = [slice(i, i + len(X)) for i in range(len(window))]
@@ -51,7 +54,7 @@ def local_cubic(X: FloatArray, present: BoolArray) -> tuple[FloatArray, FloatArr
 def _ridge_fit(
     values: FloatArray, known: BoolArray, window: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Slope and curvature (M, 3) in the middle of windows (M, 7, 3) with missing samples."""
+    """Slope and curvature (M, 3) in the middle of windows (M, W, 3) with missing samples."""
     powers = window[:, None].astype(float) ** np.arange(_ORDER + 1)
     A = np.einsum("mw,wa,wb->mab", known.astype(float), powers, powers, optimize=True)
     b = np.einsum("mwx,wa->max", values, powers, optimize=True)

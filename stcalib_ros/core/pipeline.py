@@ -340,12 +340,14 @@ class _Run:
     def _rivalry(self, best: Round, other: Round) -> str:
         """Say how two solutions that fit alike differ."""
         frames = best.clock_difference_s(other) / self.step_s
+        what = (
+            f"their clocks differ by {frames:.1f} frames" if frames >= 1.0 else "their poses differ"
+        )
         return (
-            f"two solutions fit about equally well; their clocks differ by {frames:.1f} frames and "
-            "their poses with them: motion that repeats itself, or people who move alike, do not "
-            "tell them apart, or the true offset lies outside of offset_range_s "
-            f"(+-{self.options.offset_range_s:g} s); set that to what is possible, or record more "
-            "varied motion"
+            f"two solutions fit about equally well, but {what}: motion that repeats itself, or "
+            "people who move alike, do not tell them apart, or the true offset lies outside of "
+            f"offset_range_s (+-{self.options.offset_range_s:g} s); set that to what is possible, "
+            "or record more varied motion"
         )
 
     def _verdict(

@@ -102,7 +102,9 @@ def _rays(o: Observations, rig: Rig) -> FloatArray:
     return np.asarray(turned.transpose(0, 2, 1, 3))
 
 
-def motion(o: Observations, X: FloatArray, present: BoolArray) -> tuple[FloatArray, FloatArray]:
+def motion(
+    o: Observations, X: FloatArray, present: BoolArray, *, half_window: int = 3
+) -> tuple[FloatArray, FloatArray]:
     """Velocities and accelerations (N, J, 3) by a local cubic fit along each person's knots."""
     V, A = np.zeros((2, *X.shape))
     for rows in persons_of(o):
@@ -110,7 +112,7 @@ def motion(o: Observations, X: FloatArray, present: BoolArray) -> tuple[FloatArr
         n = int(knots[-1]) + 1
         path, there = np.zeros((n, *X.shape[1:])), np.zeros((n, X.shape[1]), dtype=bool)
         path[knots], there[knots] = X[rows], present[rows]
-        per_step, per_step2 = local_cubic(path, there)
+        per_step, per_step2 = local_cubic(path, there, half_window=half_window)
         V[rows], A[rows] = per_step[knots] / o.step_s, per_step2[knots] / o.step_s**2
     return V, A
 
