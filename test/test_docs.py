@@ -60,12 +60,25 @@ def check_make(words: list[str]) -> None:
 
 def check_ros2(words: list[str]) -> None:
     if words[:2] == ["interface", "show"]:
-        package, kind, name = words[2].split("/")
-        assert package == "stcalib_ros"
-        assert (ROOT / kind / f"{name}.{kind}").is_file()
+        check_interface(words[2])
+    elif words[:2] in (["service", "call"], ["action", "send_goal"]):
+        name, interface = [word for word in words[2:] if not word.startswith("-")][:2]
+        assert f'"{name.replace("/calibrator", "~")}"' in SOURCES
+        check_interface(interface)
+    elif words[0] == "launch":
+        text = (ROOT / "launch" / words[2]).read_text()
+        assert f'DeclareLaunchArgument("{words[3].partition(":=")[0]}"' in text
+    elif words[2] == "calibrator":
+        assert words[1:] == [*words[1:3], "--ros-args", "--params-file", "calibrator.yaml"]
     else:
         assert words[:3] == ["run", "stcalib_ros", "replay"]
         assert given_options(words) <= options_of("calibrate")
+
+
+def check_interface(words: str) -> None:
+    package, kind, name = words.split("/")
+    assert package in ("stcalib_ros", "std_srvs")
+    assert package == "std_srvs" or (ROOT / kind / f"{name}.{kind}").is_file()
 
 
 def check_pip(words: list[str]) -> None:
@@ -163,6 +176,13 @@ def test_nothing_of_a_workshop_is_left(page: Path) -> None:
 
 def test_the_picture_is_light_enough() -> None:
     assert 50_000 < (ROOT / "docs" / "images" / "demo.png").stat().st_size < 400_000
+
+
+def test_every_topic_and_service_of_the_node_is_explained() -> None:
+    names = set(re.findall(r'"(~/\w+|/diagnostics|/tf_static)"', SOURCES))
+    assert len(names) >= 10
+    for name in names:
+        assert f"| `{name}` |" in README.read_text()
 
 
 def refusals() -> list[str]:

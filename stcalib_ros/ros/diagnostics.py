@@ -1,0 +1,110 @@
+"""State of the cameras and of the solver as ``diagnostic_msgs``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from stcalib_ros.io.topics import SelectedCamera
+from stcalib_ros.ros.buffers import Counts
+from stcalib_ros.ros.worker import Step
+
+STARVED_S = 5.0
+"""A camera from which nothing came for so long is starved."""
+
+
+@dataclass(frozen=True, slots=True)
+class SolverState:
+    """What the solver does and did.
+
+    Attributes
+    ----------
+    step : Step or None
+        Of the run under way.
+    in_force : str
+        Run of the calibration in force; empty if there is none.
+    last_run, last_status, last_message : str
+        Of the last run that ended; empty if none has.
+    """
+
+    step: Step | None
+    in_force: str
+    last_run: str
+    last_status: str
+    last_message: str
+
+
+def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
+    """What a camera waits for, with the publishers of that topic; empty if it has everything."""
+    lacking = []
+    if counts.age_s > STARVED_S:
+        ago = "none has come" if counts.received == 0 else f"the last came {counts.age_s:.0f} s ago"
+        lacking.append(f"waits for poses, {ago}: {publishers_of(node, camera.pose_topic)}")
+    if not counts.has_info:
+        lacking.append(f"waits for CameraInfo: {publishers_of(node, camera.info_topic)}")
+    return "; ".join(lacking)
+
+
+def publishers_of(node: Any, topic: str) -> str:
+    """Topic, as it is after remapping, with its publishers, their types and QoS, in words."""
+    name = node.resolve_topic_name(topic)
+    infos = node.get_publishers_info_by_topic(name)
+    if not infos:
+        return f"nobody publishes on {name}"
+    described = [
+        f"{i.node_namespace.rstrip('/')}/{i.node_name} ({i.topic_type}, "
+        f"{i.qos_profile.reliability.name}, {i.qos_profile.durability.name})"
+        for i in infos
+    ]
+    return f"{name} is published by {', '.join(described)}"
+
+
+def camera_status(prefix: str, camera: SelectedCamera, counts: Counts, lack: str) -> Any:
+    """Status of one camera; a starved one is an error, one that drops messages a warning."""
+    level, message = DiagnosticStatus.OK, "receiving"
+    if lack:
+        level, message = DiagnosticStatus.ERROR, lack
+    elif counts.dropped:
+        level, message = DiagnosticStatus.WARN, f"dropped messages: {counts.last_problem}"
+    values = {
+        "rate_hz": f"{counts.rate_hz:.2f}",
+        "age_s": f"{counts.age_s:.2f}",
+        "camera_info": str(counts.has_info).lower(),
+        "images": counts.images,
+        "persons": counts.persons,
+        "moving_s": counts.moving_s,
+        "received": counts.received,
+        "dropped": counts.dropped,
+        "flushes": counts.flushes,
+        "last_problem": counts.last_problem,
+    }
+    return _status(f"{prefix}: camera {camera.name}", level, message, values)
+
+
+def solver_status(prefix: str, solver: SolverState) -> Any:
+    """Status of the solver; an error while there is no calibration and the last run failed."""
+    level = DiagnosticStatus.OK
+    if not solver.in_force:
+        failed = bool(solver.last_status)
+        level = DiagnosticStatus.ERROR if failed else DiagnosticStatus.WARN
+    step = solver.step
+    message = f"running {step.run_id}: {step.stage}" if step else "idle"
+    values = {
+        "state": "running" if step else "idle",
+        "run_id": step.run_id if step else "",
+        "stage": step.stage if step else "",
+        "progress": f"{step.fraction:.2f}" if step else "",
+        "in_force": solver.in_force,
+        "last_run": solver.last_run,
+        "last_status": solver.last_status,
+        "last_message": solver.last_message,
+    }
+    return _status(f"{prefix}: solver", level, message, values)
+
+
+def _status(name: str, level: bytes, message: str, values: Mapping[str, object]) -> Any:
+    pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+    return DiagnosticStatus(level=level, name=name, message=message, hardware_id="", values=pairs)

@@ -1,0 +1,348 @@
+"""``ros2 run stcalib_ros calibrator``: calibrates from live topics while it is left running."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from sensor_msgs.msg import CameraInfo
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.support import replaces
+from stcalib_ros.core.types import Calibration, Status
+from stcalib_ros.io.history import History, Kept
+from stcalib_ros.msg import CalibrationResult, PersonPose3DArray
+from stcalib_ros.ros.buffers import Buffers
+from stcalib_ros.ros.convert import calibration_result, time_message
+from stcalib_ros.ros.diagnostics import (
+    STARVED_S,
+    SolverState,
+    camera_status,
+    solver_status,
+    starvation,
+)
+from stcalib_ros.ros.parameters import declare, settings_from
+from stcalib_ros.ros.publishers import Publishers
+from stcalib_ros.ros.readiness import Trigger, ready_cameras
+from stcalib_ros.ros.services import Services
+from stcalib_ros.ros.worker import Job, Outcome, Step, Worker, failure
+
+_REPEAT_S = 5.0
+_REPEAT_STARVED_S = 30.0
+_STOP_S = 1.0
+_SPIN_S = 0.2
+
+Feedback = Callable[[Step], None]
+
+
+@dataclass(slots=True, eq=False)
+class Run:
+    """A run under way: its name, its result to come, and whom to tell of its progress."""
+
+    run_id: str
+    result: Future
+    feedback: Feedback | None
+
+
+class Calibrator:
+    """The node: topics in, a worker, topics out.
+
+    All methods run in the executor's thread.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+
+    Raises
+    ------
+    InputError
+        A parameter cannot be used.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self.node, self.log = node, node.get_logger()
+        self._values = declare(node)
+        self.settings = settings_from(self._values, node_name=node.get_fully_qualified_name())
+        self._said: dict[str, float] = {"starved": time.monotonic() + STARVED_S - _REPEAT_STARVED_S}
+        self.buffers = Buffers(self.settings.cameras, self.settings.limits, self._say)
+        self.history = History(self.settings.results_folder, keep=self.settings.keep_results)
+        self.in_force: Kept | None = None
+        self._in_force_run = self._last_run = self._last_status = self._last_message = ""
+        self.run: Run | None = None
+        self._trigger = Trigger()
+        self._guard = node.create_guard_condition(self._progressed)
+        self.worker = Worker(self._guard.trigger, self.log.warning)
+        self._publishers = Publishers(node, self.settings)
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._subscribe()
+        self.services = Services(self)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(1.0, self._every_second, clock=steady)
+        node.add_on_set_parameters_callback(self._change_parameters)
+        self._load()
+
+    def start(
+        self,
+        *,
+        cameras: Iterable[str] = (),
+        start_s: float = -math.inf,
+        end_s: float = math.inf,
+        requested: bool = True,
+        feedback: Feedback | None = None,
+    ) -> Run | Calibration:
+        """Start a run, or return a failure that says why not.
+
+        Parameters
+        ----------
+        cameras : iterable of str
+            Cameras to use; none: all.
+        start_s, end_s : float
+            First and last stamp to use, by the reference clock.
+        requested : bool
+            A person asked for it.
+        feedback : callable, optional
+            Told of the progress.
+        """
+        names = tuple(cameras)
+        if self.run is not None:
+            return failure(Status.CANCELLED, f"not started: run {self.run.run_id} is under way")
+        known = [camera.name for camera in self.settings.cameras]
+        if unknown := [name for name in names if name not in known]:
+            return failure(
+                Status.INSUFFICIENT_DATA,
+                f"not started: no camera {', '.join(unknown)}; there are {', '.join(known)}",
+            )
+        images = self.buffers.snapshot(
+            names, start_s=start_s, end_s=end_s, offsets_s=self._offsets()
+        )
+        if len(images) < 2:
+            there = ", ".join(c.name for c in images) or "none"
+            return failure(
+                Status.INSUFFICIENT_DATA,
+                "not started: at least two cameras with poses and CameraInfo are needed, there "
+                f"is {there}; /diagnostics tells what the others wait for",
+            )
+        run = Run(uuid.uuid4().hex[:12], Future(), feedback)
+        self.run = run
+        self.log.info(f"run {run.run_id} starts with {', '.join(c.name for c in images)}")
+        self.worker.start(Job(run.run_id, images, self.settings.options, requested))
+        self._publish_diagnostics()
+        return run
+
+    def rollback(self) -> str:
+        """Put the calibration before the one in force into force; returns what was done.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        earlier = self.history.rollback()
+        self._put_in_force(earlier, _saved_run(earlier))
+        return f"calibration {earlier.number} is in force again"
+
+    def message(self, calibration: Calibration, run_id: str) -> CalibrationResult:
+        """Message of a calibration, stamped with the end of its data; of a failure, with now."""
+        end_s = calibration.window_s[1]
+        now = self.node.get_clock().now().to_msg()
+        return calibration_result(
+            calibration,
+            run_id=run_id,
+            stamp=time_message(end_s) if math.isfinite(end_s) else now,
+            frame_rates=self._rates(),
+        )
+
+    def _subscribe(self) -> None:
+        qos = QoSProfile(depth=self.settings.queue_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        for camera in self.settings.cameras:
+            self.node.create_subscription(
+                PersonPose3DArray,
+                camera.pose_topic,
+                lambda message, name=camera.name: self.buffers.add_poses(name, message),
+                qos,
+            )
+            self.node.create_subscription(
+                CameraInfo,
+                camera.info_topic,
+                lambda message, name=camera.name: self.buffers.add_info(name, message),
+                qos,
+            )
+
+    def _load(self) -> None:
+        try:
+            kept = self.history.latest()
+        except InputError as error:
+            self.log.error(f"the saved calibration is not used: {error}")
+            return
+        if kept is None:
+            return
+        names = {camera.name for camera in self.settings.cameras}
+        if others := [c.name for c in kept.calibration.cameras if c.name not in names]:
+            self.log.warning(
+                f"the saved calibration {kept.number} is not used: its cameras "
+                f"{', '.join(others)} are not configured"
+            )
+            return
+        self.log.info(f"calibration {kept.number} of {self.history.folder} is in force")
+        self._put_in_force(kept, _saved_run(kept))
+
+    def _put_in_force(self, kept: Kept, run_id: str) -> None:
+        self.in_force, self._in_force_run = kept, run_id
+        self._trigger.settle(True)
+        self._publishers.publish(kept.calibration, self.message(kept.calibration, run_id))
+
+    def _progressed(self) -> None:
+        """The worker has something new."""
+        step = self.worker.step
+        if self.run is not None and self.run.feedback is not None and step is not None:
+            self.run.feedback(step)
+        if (outcome := self.worker.collect()) is not None:
+            self._conclude(outcome)
+
+    def _conclude(self, outcome: Outcome) -> None:
+        job, calibration = outcome.job, outcome.calibration
+        old = None if self.in_force is None else self.in_force.calibration
+        taken, reason = replaces(calibration, old, requested=job.requested)
+        if taken:
+            self._take(calibration, job.run_id)
+            verdict = f"in force, since {reason}"
+        else:
+            verdict = f"not taken: {reason}"
+        self.log.info(f"run {job.run_id} has ended: {verdict}")
+        self._last_run, self._last_status = job.run_id, calibration.status.name
+        self._last_message = f"{calibration.message}; {verdict}" if taken else verdict
+        self._publish_diagnostics()
+        run, self.run = self.run, None
+        if run is not None:
+            run.result.set_result(self.message(calibration, job.run_id))
+
+    def _take(self, calibration: Calibration, run_id: str) -> None:
+        number = 0
+        try:
+            number = self.history.add(calibration)
+        except InputError as error:
+            self.log.error(f"run {run_id} is in force, but not saved: {error}")
+        self._put_in_force(Kept(number, calibration), run_id)
+
+    def _every_second(self) -> None:
+        lacks = self._publish_diagnostics()
+        if starved := "; ".join(f"camera {name} {lack}" for name, lack in lacks.items() if lack):
+            self._say("starved", starved, every_s=_REPEAT_STARVED_S)
+        if self.settings.auto_calibrate and self.run is None:
+            self._consider()
+
+    def _consider(self) -> None:
+        """Calibrate unasked, if what was seen is worth it."""
+        ready = frozenset(
+            ready_cameras(
+                self.buffers.moving(),
+                min_motion_s=self.settings.min_motion_s,
+                slack_s=2.0 * self.settings.options.offset_range_s,
+            )
+        )
+        now_s = self.buffers.newest_s()
+        window_s = self.settings.limits.window_s
+        if self._trigger.due(ready, now_s, period_s=self.settings.period_s, window_s=window_s):
+            self._trigger.tried(ready, now_s)
+            self.start(requested=False)
+
+    def _publish_diagnostics(self) -> dict[str, str]:
+        counts, prefix = self.buffers.counts(), self.node.get_fully_qualified_name().strip("/")
+        cameras = {camera.name: camera for camera in self.settings.cameras}
+        lacks = {n: starvation(c, counts[n], self.node) for n, c in cameras.items()}
+        solver = SolverState(
+            step=self.worker.step,
+            in_force=self._in_force_run,
+            last_run=self._last_run,
+            last_status=self._last_status,
+            last_message=self._last_message,
+        )
+        array = DiagnosticArray(
+            status=[
+                solver_status(prefix, solver),
+                *(camera_status(prefix, c, counts[n], lacks[n]) for n, c in cameras.items()),
+            ]
+        )
+        array.header.stamp = self.node.get_clock().now().to_msg()
+        self._diagnostics.publish(array)
+        return lacks
+
+    def _change_parameters(self, changes: Iterable[Any]) -> SetParametersResult:
+        """Take over what changes at run time; those that are fixed never come here."""
+        changed = {p.name: p.value for p in changes if p.name in self._values}
+        values = self._values | changed
+        try:
+            settings = settings_from(values, node_name=self.node.get_fully_qualified_name())
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self._values, self.settings = values, settings
+        self.buffers.set_limits(settings.limits)
+        return SetParametersResult(successful=True)
+
+    def _offsets(self) -> dict[str, float]:
+        cameras = () if self.in_force is None else self.in_force.calibration.cameras
+        return {camera.name: camera.time_offset_s for camera in cameras}
+
+    def _rates(self) -> dict[str, float]:
+        return {name: counts.rate_hz for name, counts in self.buffers.counts().items()}
+
+    def _say(self, about: str, line: str, *, every_s: float = _REPEAT_S) -> None:
+        """Warn, about one thing only so often."""
+        now = time.monotonic()
+        if now - self._said.get(about, -math.inf) >= every_s:
+            self._said[about] = now
+            self.log.warning(line)
+
+
+def _saved_run(kept: Kept) -> str:
+    return f"saved-{kept.number:06d}"
+
+
+def main() -> int:
+    """Run the node until SIGINT or SIGTERM.
+
+    Returns
+    -------
+    int
+        Exit status: 0 stopped, 2 unusable parameters.
+    """
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("calibrator")
+    try:
+        calibrator = Calibrator(node)
+    except InputError as error:
+        print(f"calibrator: {error}", file=sys.stderr)
+        return 2
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while not stop.is_set() and rclpy.ok():
+        executor.spin_once(timeout_sec=_SPIN_S)
+    if not calibrator.worker.stop(_STOP_S):
+        # The solver is in the middle of a long step. Nothing is being written: leave it.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(0)
+    executor.shutdown()
+    calibrator.services.destroy()
+    node.destroy_node()
+    rclpy.shutdown()
+    return 0

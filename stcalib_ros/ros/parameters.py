@@ -1,0 +1,238 @@
+"""Parameters of the live node: what there is, its range, and what may change at run time."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.options import Options, options_from_mapping
+from stcalib_ros.io.topics import SelectedCamera
+from stcalib_ros.ros.buffers import Limits
+
+MAX_CAMERAS = 64
+
+_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """One parameter; `low` and `high` are its range, `fixed` ones hold from the start."""
+
+    name: str
+    default: Any
+    text: str
+    low: float | None = None
+    high: float | None = None
+    fixed: bool = False
+
+
+CAMERAS = Spec(
+    "cameras",
+    ["cam0", "cam1"],
+    "Names of the cameras; the first is the reference unless another is named.",
+    fixed=True,
+)
+
+NODE_SPECS = (
+    Spec("window_s", 30.0, "Time span that is kept of each camera, seconds.", 2.0, 600.0),
+    Spec("max_images", 6000, "Images kept of each camera, whatever the span.", 100, 100_000),
+    Spec("max_persons", 50, "Persons accepted in one image.", 1, 1000),
+    Spec("max_joints", 150, "Joints accepted of one person.", 3, 1000),
+    Spec("queue_depth", 50, "Messages that wait for the node, per topic.", 1, 1000, fixed=True),
+    Spec("auto_calibrate", True, "Calibrate as soon as enough motion has been seen."),
+    Spec(
+        "min_motion_s",
+        10.0,
+        "Seconds with somebody moving that each camera must share with another one.",
+        1.0,
+        600.0,
+    ),
+    Spec("period_s", 0.0, "Calibrate again so often, seconds of stamps; 0: never.", 0.0, 86_400.0),
+    Spec(
+        "results_folder",
+        "",
+        "Where calibrations are kept; empty: in ROS_HOME, by the node's name.",
+        fixed=True,
+    ),
+    Spec("keep_results", 50, "Calibrations kept on disk.", 2, 1000, fixed=True),
+    Spec("publish_tf", True, "Publish the cameras on /tf_static.", fixed=True),
+    Spec("tf_not_metric", False, "Also if lengths are not metres.", fixed=True),
+    Spec(
+        "tf_suffix",
+        "",
+        "Added to child frames on /tf_static, for optical frames that have a parent already.",
+        fixed=True,
+    ),
+)
+
+OPTION_SPECS = (
+    Spec("reference", "", "Camera that gives the reference frame and clock; empty: the first."),
+    Spec("offset_range_s", 2.0, "Clocks are searched within plus and minus this.", 0.01, 60.0),
+    Spec("min_score", 0.3, "Joints with a lower score are not used.", 0.0, 1.0),
+    Spec("min_common_frames", 12, "Images that two cameras must share in time.", 2, 10_000),
+    Spec("seed", 0, "Same seed, same result.", 0, 2**31),
+    Spec("registration.min_overlap", 12, "Samples that two tracks must share.", 2, 10_000),
+    Spec("registration.n_candidates", 200, "Track pairs and lags that vote.", 1, 100_000),
+    Spec("registration.n_hypotheses", 12, "Hypotheses kept of a pair.", 1, 1000),
+    Spec("registration.n_refined", 5, "Of which so many are refined.", 1, 1000),
+    Spec("integration.n_trees", 300, "Random spanning trees tried.", 1, 100_000),
+    Spec("bundle.rounds", 5, "Rounds of association and adjustment.", 1, 100),
+    Spec("bundle.max_iterations", 12, "Steps of a round.", 1, 1000),
+    Spec("bundle.outlier_factor", 3.0, "Times the median error: outliers.", 1.0, 100.0),
+    Spec("bundle.outlier_floor_px", 12.0, "But never below this, px.", 0.0, 1000.0),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What the parameters say; attributes as in `NODE_SPECS`."""
+
+    cameras: tuple[SelectedCamera, ...]
+    limits: Limits
+    options: Options
+    queue_depth: int
+    auto_calibrate: bool
+    min_motion_s: float
+    period_s: float
+    results_folder: Path
+    keep_results: int
+    publish_tf: bool
+    tf_not_metric: bool
+    tf_suffix: str
+
+
+def camera_specs(name: str) -> tuple[Spec, ...]:
+    """Parameters of one camera.
+
+    Examples
+    --------
+    >>> [spec.default for spec in camera_specs("cam0")]
+    ['/cam0/person_poses', '/cam0/camera_info', '']
+    """
+    return (
+        Spec(f"camera.{name}.pose_topic", f"/{name}/person_poses", "Its poses.", fixed=True),
+        Spec(f"camera.{name}.info_topic", f"/{name}/camera_info", "Its intrinsics.", fixed=True),
+        Spec(
+            f"camera.{name}.frame",
+            "",
+            "Its optical frame; empty: the frame_id of the poses.",
+            fixed=True,
+        ),
+    )
+
+
+def all_specs(cameras: Iterable[str]) -> tuple[Spec, ...]:
+    """All parameters but `CAMERAS`."""
+    own = [spec for name in cameras for spec in camera_specs(name)]
+    return (*own, *NODE_SPECS, *OPTION_SPECS)
+
+
+def require_camera_names(names: Iterable[str]) -> tuple[str, ...]:
+    """Camera names that can be part of topics and parameters.
+
+    Raises
+    ------
+    InputError
+        There are fewer than two or too many, one is given twice, or one is no name.
+    """
+    names = tuple(names)
+    if bad := [n for n in names if not _NAME.fullmatch(n)]:
+        raise InputError(f"cameras: {bad[0]!r} is no name: letters, digits and _, a letter first")
+    if len(set(names)) < len(names):
+        raise InputError(f"cameras: a name is given twice: {', '.join(names)}")
+    if not 2 <= len(names) <= MAX_CAMERAS:
+        raise InputError(f"cameras: {len(names)} given, there must be 2 to {MAX_CAMERAS}")
+    return names
+
+
+def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
+    """Settings from the values of all parameters by name.
+
+    Parameters
+    ----------
+    values : mapping
+    node_name : str
+        Fully qualified; gives the results folder its name.
+
+    Raises
+    ------
+    InputError
+        A value cannot be used.
+    """
+    names = require_camera_names(values[CAMERAS.name])
+    options = _options(values)
+    if options.reference is not None and options.reference not in names:
+        raise InputError(
+            f"reference: {options.reference!r} is none of the cameras {', '.join(names)}"
+        )
+    limits = Limits(
+        **{f: values[f] for f in ("window_s", "max_images", "max_persons", "max_joints")}
+    )
+    own = ("queue_depth", "auto_calibrate", "min_motion_s", "period_s", "keep_results")
+    tf = ("publish_tf", "tf_not_metric", "tf_suffix")
+    return Settings(
+        cameras=tuple(_camera(name, values) for name in names),
+        limits=limits,
+        options=options,
+        results_folder=_folder(values["results_folder"], node_name),
+        **{name: values[name] for name in (*own, *tf)},
+    )
+
+
+def _options(values: Mapping[str, Any]) -> Options:
+    nested: dict[str, Any] = {}
+    for spec in OPTION_SPECS:
+        group, _, name = spec.name.rpartition(".")
+        (nested.setdefault(group, {}) if group else nested)[name] = values[spec.name]
+    return options_from_mapping(nested | {"reference": nested["reference"] or None})
+
+
+def _camera(name: str, values: Mapping[str, Any]) -> SelectedCamera:
+    pose_topic, info_topic, frame = (values[spec.name] for spec in camera_specs(name))
+    return SelectedCamera(name, pose_topic, info_topic, frame or None)
+
+
+def _folder(given: str, node_name: str) -> Path:
+    if given:
+        return Path(given).expanduser()
+    home = Path(os.environ.get("ROS_HOME") or "~/.ros").expanduser()
+    return home / "stcalib_ros" / node_name.strip("/").replace("/", ".")
+
+
+def declare(node: Any) -> dict[str, Any]:
+    """Declare all parameters on a node and return their values.
+
+    Raises
+    ------
+    InputError
+        A value that was given has the wrong type or is out of its range.
+    """
+    values = {CAMERAS.name: _declared(node, CAMERAS)}
+    names = require_camera_names(values[CAMERAS.name])
+    return values | {spec.name: _declared(node, spec) for spec in all_specs(names)}
+
+
+def _declared(node: Any, spec: Spec) -> Any:
+    from rclpy.exceptions import ParameterException
+
+    try:
+        return node.declare_parameter(spec.name, spec.default, _descriptor(spec)).value
+    except ParameterException as error:
+        raise InputError(f"parameter {spec.name}: {error}") from None
+
+
+def _descriptor(spec: Spec) -> Any:
+    from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+
+    descriptor = ParameterDescriptor(description=spec.text, read_only=spec.fixed)
+    if isinstance(spec.default, float) and spec.low is not None:
+        bounds = FloatingPointRange(from_value=spec.low, to_value=spec.high)
+        descriptor.floating_point_range = [bounds]
+    elif spec.low is not None:
+        descriptor.integer_range = [IntegerRange(from_value=spec.low, to_value=spec.high)]
+    return descriptor

@@ -1,0 +1,92 @@
+"""Whether what arrived is worth a calibration that nobody asked for; knows no ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Set
+
+
+def shared_motion_s(a: Set[int], b: Set[int], slack_s: float) -> int:
+    """Seconds of `a` with motion for which `b` has motion, too, if clocks differ by the slack.
+
+    Examples
+    --------
+    >>> shared_motion_s({1, 2, 3, 9}, {3, 4}, 1.0)
+    2
+    """
+    reach = math.ceil(slack_s)
+    near = {second + d for second in b for d in range(-reach, reach + 1)}
+    return len(a & near)
+
+
+def ready_cameras(
+    moving: Mapping[str, Set[int]], *, min_motion_s: float, slack_s: float
+) -> tuple[str, ...]:
+    """Cameras that share enough motion with another one; empty if one is still on the way.
+
+    Parameters
+    ----------
+    moving : mapping of str to set of int
+        Whole seconds in which somebody moves, by camera.
+    min_motion_s : float
+        So many of them must be shared, both ways.
+    slack_s : float
+        Clocks may differ by this.
+
+    Returns
+    -------
+    tuple of str
+        A camera with any motion that lacks shared motion and gathered some in the last three
+        seconds is worth waiting for: none is ready then.
+    """
+    seeing = {name: seconds for name, seconds in moving.items() if seconds}
+    ready = [
+        a
+        for a in seeing
+        if any(
+            min(
+                shared_motion_s(seeing[a], seeing[b], slack_s),
+                shared_motion_s(seeing[b], seeing[a], slack_s),
+            )
+            >= min_motion_s
+            for b in seeing
+            if b != a
+        )
+    ]
+    newest = max((max(seconds) for seconds in seeing.values()), default=0)
+    waiting = [n for n in seeing if n not in ready and max(seeing[n]) >= newest - 3 - slack_s]
+    return () if waiting else tuple(ready)
+
+
+class Trigger:
+    """Remembers the last attempt, and says when another one makes sense.
+
+    All times are header stamps in seconds.
+    """
+
+    def __init__(self) -> None:
+        self._tried: frozenset[str] = frozenset()
+        self._at_s = -math.inf
+        self._settled = False
+
+    def due(self, ready: Set[str], now_s: float, *, period_s: float, window_s: float) -> bool:
+        """Whether to calibrate now.
+
+        It is after the first readiness, when more cameras have become ready, every `period_s` if
+        that is not 0, and, while nothing is in force, with every new window of data.
+        """
+        if not ready:
+            return False
+        if not ready <= self._tried:
+            return True
+        self._at_s = min(self._at_s, now_s)
+        wait_s = period_s if period_s > 0 else (math.inf if self._settled else window_s)
+        return now_s - self._at_s >= wait_s
+
+    def tried(self, ready: Set[str], now_s: float) -> None:
+        """Note an attempt."""
+        self._tried, self._at_s = self._tried | ready, now_s
+
+    def settle(self, settled: bool) -> None:
+        """Note whether a calibration is in force."""
+        self._settled = settled

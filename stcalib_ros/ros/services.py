@@ -1,0 +1,136 @@
+"""What others can ask of the live node: services and an action."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from std_srvs.srv import Trigger
+
+from stcalib_ros.action import Calibrate
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.types import Calibration, Status
+from stcalib_ros.ros.worker import Step
+from stcalib_ros.srv import Recalibrate, SaveCalibration
+
+if TYPE_CHECKING:
+    from stcalib_ros.ros.node import Calibrator
+
+_FORMATS = ("", "stcalib")
+
+
+class Services:
+    """Answers requests; while a run is under way, another one is refused at once with the reason.
+
+    Those that wait for the end of a run are coroutines in a callback group of their own, so that
+    nothing else waits with them.
+
+    Parameters
+    ----------
+    calibrator : Calibrator
+    """
+
+    def __init__(self, calibrator: Calibrator) -> None:
+        self._calibrator = calibrator
+        node, long = calibrator.node, ReentrantCallbackGroup()
+        node.create_service(Recalibrate, "~/recalibrate", self._recalibrate, callback_group=long)
+        node.create_service(Trigger, "~/recalibrate_now", self._recalibrate_now)
+        node.create_service(SaveCalibration, "~/save", self._save)
+        node.create_service(Trigger, "~/rollback", self._rollback)
+        self._action = ActionServer(
+            node,
+            Calibrate,
+            "~/calibrate",
+            self._calibrate,
+            cancel_callback=self._cancel,
+            callback_group=long,
+        )
+
+    def destroy(self) -> None:
+        """Release the action server, which its node does not."""
+        self._action.destroy()
+
+    async def _recalibrate(self, request: Any, response: Any) -> Any:
+        run = self._calibrator.start(
+            cameras=request.cameras,
+            start_s=_bound(request.start, -math.inf),
+            end_s=_bound(request.end, math.inf),
+        )
+        if isinstance(run, Calibration):
+            response.result = self._calibrator.message(run, "")
+            return response
+        response.accepted, response.run_id = True, run.run_id
+        if request.wait:
+            response.result = await run.result
+        return response
+
+    def _recalibrate_now(self, _request: Any, response: Any) -> Any:
+        run = self._calibrator.start()
+        response.success = not isinstance(run, Calibration)
+        response.message = (
+            run.message if isinstance(run, Calibration) else f"run {run.run_id} has started"
+        )
+        return response
+
+    def _save(self, request: Any, response: Any) -> Any:
+        try:
+            response.message = self._saved(request.path, request.format)
+            response.success = True
+        except InputError as error:
+            response.message = str(error)
+        return response
+
+    def _saved(self, path: str, form: str) -> str:
+        if form not in _FORMATS:
+            raise InputError(f"format {form!r} cannot be written here; there is 'stcalib'")
+        kept = self._calibrator.in_force
+        if kept is None:
+            raise InputError("there is no calibration to save yet")
+        return f"written to {self._calibrator.history.export(kept.calibration, path)}"
+
+    def _rollback(self, _request: Any, response: Any) -> Any:
+        try:
+            response.message = self._calibrator.rollback()
+            response.success = True
+        except InputError as error:
+            response.message = str(error)
+        return response
+
+    async def _calibrate(self, goal: Any) -> Any:
+        def tell(step: Step) -> None:
+            goal.publish_feedback(
+                Calibrate.Feedback(
+                    stage=step.stage, progress=step.fraction, reprojection_rms_px=math.nan
+                )
+            )
+
+        request = goal.request
+        run = self._calibrator.start(
+            cameras=request.cameras,
+            start_s=_bound(request.start, -math.inf),
+            end_s=_bound(request.end, math.inf),
+            feedback=tell,
+        )
+        if isinstance(run, Calibration):
+            goal.abort()
+            return Calibrate.Result(result=self._calibrator.message(run, ""))
+        result = await run.result
+        if goal.is_cancel_requested:
+            goal.canceled()
+        elif result.status == int(Status.OK):
+            goal.succeed()
+        else:
+            goal.abort()
+        return Calibrate.Result(result=result)
+
+    def _cancel(self, _goal: Any) -> Any:
+        self._calibrator.worker.cancel()
+        return CancelResponse.ACCEPT
+
+
+def _bound(stamp: Any, none: float) -> float:
+    """Seconds of a time message; `none` for zero, which means no bound."""
+    seconds = stamp.sec + stamp.nanosec * 1e-9
+    return float(seconds) if seconds else none

@@ -1,0 +1,153 @@
+"""One calibration at a time, in a thread of its own; knows no ROS."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from stcalib_ros.core.errors import Cancelled, InputError
+from stcalib_ros.core.options import Options
+from stcalib_ros.core.pipeline import calibrate
+from stcalib_ros.core.types import Calibration, Status
+from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Job:
+    """What to calibrate from.
+
+    Attributes
+    ----------
+    run_id : str
+    cameras : sequence of CameraImages
+    options : Options
+    requested : bool
+        A person asked for it.
+    """
+
+    run_id: str
+    cameras: Sequence[CameraImages]
+    options: Options
+    requested: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What came of a job; a failure is a calibration without cameras that says why."""
+
+    job: Job
+    calibration: Calibration
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Where a job stands: the stage and the fraction of it that is done."""
+
+    run_id: str
+    stage: str
+    fraction: float
+
+
+def failure(status: Status, message: str) -> Calibration:
+    """Calibration that holds nothing but the reason why."""
+    return Calibration(
+        status=status,
+        message=message,
+        reference="",
+        metric=False,
+        epoch_s=math.nan,
+        window_s=(math.nan, math.nan),
+        cameras=(),
+        uncalibrated=(),
+        persons=(),
+        pairs=(),
+        reprojection_rms_px=math.nan,
+        n_observations=0,
+        n_inliers=0,
+    )
+
+
+class Worker:
+    """Runs jobs, one at a time.
+
+    Parameters
+    ----------
+    wake : callable
+        Called from the worker's thread when `step` has changed or `collect` has something.
+    warn : callable
+        Called from the worker's thread with what is odd about the data but not in the way.
+    """
+
+    def __init__(self, wake: Callable[[], None], warn: Warn) -> None:
+        self._wake, self._warn = wake, warn
+        self._lock = threading.Lock()
+        self._cancel = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._step: Step | None = None
+        self._outcome: Outcome | None = None
+
+    @property
+    def step(self) -> Step | None:
+        """Where the job stands; None if there is none. A job ends when it is collected."""
+        with self._lock:
+            return self._step
+
+    def start(self, job: Job) -> bool:
+        """Start a job; false, and nothing happens, while there is one."""
+        with self._lock:
+            if self._step is not None:
+                return False
+            self._step = Step(job.run_id, "assembly", 0.0)
+        self._cancel.clear()
+        # A daemon, so that a solver in the middle of a long step does not keep the process alive.
+        self._thread = threading.Thread(target=self._run, args=(job,), daemon=True)
+        self._thread.start()
+        return True
+
+    def collect(self) -> Outcome | None:
+        """Outcome of a job that has ended, once; the next may start then."""
+        with self._lock:
+            outcome, self._outcome = self._outcome, None
+            if outcome is not None:
+                self._step = None
+        return outcome
+
+    def cancel(self) -> None:
+        """Ask the job to end; its outcome is ``CANCELLED`` then."""
+        self._cancel.set()
+
+    def stop(self, timeout_s: float) -> bool:
+        """Cancel and wait; false if the job still runs after the timeout."""
+        self.cancel()
+        if self._thread is not None:
+            self._thread.join(timeout_s)
+        return self._thread is None or not self._thread.is_alive()
+
+    def _run(self, job: Job) -> None:
+        outcome = Outcome(job, self._calibration(job))
+        with self._lock:
+            self._outcome = outcome
+        self._wake()
+
+    def _calibration(self, job: Job) -> Calibration:
+        try:
+            recording = assemble_recording(job.cameras, warn=self._warn)
+            return calibrate(
+                recording,
+                job.options,
+                progress=lambda stage, fraction: self._tell(Step(job.run_id, stage, fraction)),
+                cancelled=self._cancel.is_set,
+            )
+        except Cancelled as error:
+            return failure(Status.CANCELLED, str(error))
+        except InputError as error:
+            return failure(Status.INSUFFICIENT_DATA, str(error))
+        except Exception as error:  # the node goes on, whatever the solver stumbles over
+            return failure(Status.NOT_CONVERGED, f"{type(error).__name__}: {error}")
+
+    def _tell(self, step: Step) -> None:
+        with self._lock:
+            self._step = step
+        self._wake()

@@ -1,0 +1,193 @@
+"""Numbered calibrations: the newest is in force, whatever happens while one is written."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.types import Calibration, CameraCalibration, Intrinsics, LensModel, Status
+from stcalib_ros.io.history import MAX_FILES, History
+from stcalib_ros.io.results import write_result
+
+LENS = Intrinsics(640, 480, LensModel.PLUMB_BOB, np.diag([600.0, 600.0, 1.0]), np.zeros(5))
+
+
+def calibration(n_inliers: int) -> Calibration:
+    cameras = tuple(
+        CameraCalibration(
+            f"cam{i}",
+            f"cam{i}_optical_frame",
+            LENS,
+            np.eye(3),
+            np.full(3, float(i)),
+            np.eye(6),
+            0.0,
+            0.0,
+        )
+        for i in range(2)
+    )
+    return Calibration(
+        Status.OK, "", "cam0", True, 1.0, (1.0, 2.0), cameras, (), (), (), 1.0, 100, n_inliers
+    )
+
+
+@pytest.fixture
+def history(tmp_path: Path) -> History:
+    return History(tmp_path / "a" / "results", keep=3)
+
+
+def names(history: History) -> list[str]:
+    return sorted(p.name for p in history.folder.iterdir())
+
+
+def test_none_is_in_force_at_first(history):
+    assert history.latest() is None
+    with pytest.raises(InputError, match="no earlier calibration"):
+        history.rollback()
+    assert not history.folder.exists()
+
+
+def test_the_newest_is_in_force_and_the_oldest_go(history):
+    assert [history.add(calibration(n)) for n in (10, 20, 30, 40)] == [1, 2, 3, 4]
+    assert names(history) == [f"calibration.00000{n}.yaml" for n in (2, 3, 4)]
+    latest = history.latest()
+    assert latest is not None
+    assert (latest.number, latest.calibration.n_inliers) == (4, 40)
+
+
+def test_a_rollback_keeps_what_it_withdraws_and_its_number(history):
+    history.add(calibration(10))
+    history.add(calibration(20))
+    earlier = history.rollback()
+    assert (earlier.number, earlier.calibration.n_inliers) == (1, 10)
+    latest = history.latest()
+    assert latest is not None
+    assert latest.number == 1
+    assert names(history) == ["calibration.000001.yaml", "calibration.000002.withdrawn.yaml"]
+    with pytest.raises(InputError, match="no earlier calibration"):
+        history.rollback()
+    assert history.add(calibration(30)) == 3
+
+
+def test_a_rollback_to_a_damaged_file_changes_nothing(history):
+    history.add(calibration(10))
+    history.add(calibration(20))
+    (history.folder / "calibration.000001.yaml").write_text("format: ")
+    before = names(history)
+    with pytest.raises(InputError, match=r"calibration\.000001"):
+        history.rollback()
+    assert names(history) == before
+
+
+def test_a_damaged_file_is_named(history):
+    history.add(calibration(10))
+    (history.folder / "calibration.000001.yaml").write_text("format: other/1")
+    with pytest.raises(InputError, match=r"calibration\.000001"):
+        history.latest()
+
+
+def test_killed_while_it_writes_the_one_before_is_in_force(history):
+    """The process dies by SIGKILL when half of the file is written."""
+    history.add(calibration(10))
+    code = f"""
+import os, signal
+from pathlib import Path
+from stcalib_ros.io import files, history
+from stcalib_ros.io.results import read_result
+
+def half(self, text, **_):
+    with self.open("w") as stream:
+        stream.write(text[: len(text) // 2])
+        stream.flush()
+        os.fsync(stream.fileno())
+    os.kill(os.getpid(), signal.SIGKILL)
+
+Path.write_text = half
+folder = Path({str(history.folder)!r})
+history.History(folder, keep=3).add(read_result(folder / "calibration.000001.yaml"))
+"""
+    root = str(Path(__file__).parents[2])
+    killed = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | {"PYTHONPATH": root}, check=False
+    )
+    assert killed.returncode == -9
+    assert len(names(history)) == 2, "nothing was being written"
+    latest = history.latest()
+    assert latest is not None
+    assert (latest.number, latest.calibration.n_inliers) == (1, 10)
+    assert history.add(calibration(20)) == 2
+
+
+def test_export_writes_below_the_folder(history):
+    history.add(calibration(10))
+    (history.folder / "site").mkdir()
+    path = history.export(calibration(10), "site/hall.yaml")
+    assert path.read_text() == (history.folder / "calibration.000001.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "/tmp/x.yaml",
+        "../x.yaml",
+        "site/../../x.yaml",
+        "no\0.yaml",
+        "x.sh",
+        "calibration.000001.yaml",
+        "absent/x.yaml",
+        "out/x.yaml",
+        "link.yaml",
+        "folder.yaml",
+        "file.yaml/x.yaml",
+        f"{'x' * 300}.yaml",
+    ],
+)
+def test_export_writes_nowhere_else(history, tmp_path, name):
+    history.add(calibration(10))
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    target = tmp_path / "target.yaml"
+    target.write_text("untouched")
+    (history.folder / "out").symlink_to(outside)
+    (history.folder / "link.yaml").symlink_to(target)
+    (history.folder / "folder.yaml").mkdir()
+    (history.folder / "file.yaml").touch()
+    before = sorted(p for p in tmp_path.rglob("*"))
+    with pytest.raises(InputError):
+        history.export(calibration(20), name)
+    assert sorted(p for p in tmp_path.rglob("*")) == before
+    assert target.read_text() == "untouched"
+    latest = history.latest()
+    assert latest is not None
+    assert latest.calibration.n_inliers == 10
+
+
+def test_export_does_not_fill_the_disk(history):
+    history.add(calibration(10))
+    for n in range(MAX_FILES - 1):
+        (history.folder / f"{n}.yaml").touch()
+    with pytest.raises(InputError, match="files already"):
+        history.export(calibration(10), "one_more.yaml")
+    assert history.export(calibration(10), "1.yaml").stat().st_size > 0
+
+
+def test_what_cannot_be_written_is_said(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="cannot make"):
+        History(tmp_path / "file" / "results", keep=3).add(replace(calibration(1), message="x"))
+
+
+def test_results_are_those_of_the_command_line(history, tmp_path):
+    write_result(calibration(10), tmp_path / "out.yaml")
+    history.add(calibration(10))
+    assert (tmp_path / "out.yaml").read_text() == (
+        history.folder / "calibration.000001.yaml"
+    ).read_text()

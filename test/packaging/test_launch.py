@@ -1,0 +1,43 @@
+"""The launch file, with stand-ins for `launch`, which no wheel brings."""
+
+from __future__ import annotations
+
+import runpy
+import sys
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+MODULES = {
+    "launch": ["LaunchDescription"],
+    "launch.actions": ["DeclareLaunchArgument"],
+    "launch.substitutions": ["LaunchConfiguration", "PathJoinSubstitution"],
+    "launch_ros": [],
+    "launch_ros.actions": ["Node"],
+    "launch_ros.substitutions": ["FindPackageShare"],
+}
+
+
+@pytest.fixture
+def launch(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module, names in MODULES.items():
+        stand_in = ModuleType(module)
+        for name in names:
+            setattr(
+                stand_in,
+                name,
+                lambda *args, kind=name, **given: SimpleNamespace(kind=kind, args=args, **given),
+            )
+        monkeypatch.setitem(sys.modules, module, stand_in)
+
+
+def test_it_starts_the_node_with_a_parameter_file(launch, root):
+    file = runpy.run_path(str(root / "launch/calibrator.launch.py"))
+    (actions,) = file["generate_launch_description"]().args
+    (node,) = (a for a in actions if a.kind == "Node")
+    assert (node.package, node.executable) == ("stcalib_ros", "calibrator")
+    assert (root / "bin" / node.executable).is_file()
+    declared = {a.args[0] for a in actions if a.kind == "DeclareLaunchArgument"}
+    assert {p.args[0] for p in (*node.parameters, node.namespace)} == declared
+    (installed,) = (a.default_value for a in actions if a.args[:1] == ("params_file",))
+    assert (root / "/".join(installed.args[0][1:])).is_file()

@@ -1,0 +1,173 @@
+"""The live node as a process of its own, and somebody who plays to it and asks it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import CameraInfo
+from stcalib_ros.msg import PersonPose3DArray
+
+from stcalib_ros.io.mcap_source import bag_files, raw_messages, topic_schemas
+
+TIMEOUT_S = 60.0
+RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=10,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+
+
+class LiveNode:
+    """A calibrator process; its standard error goes to a file."""
+
+    def __init__(
+        self,
+        folder: Path,
+        parameters: Mapping[str, str],
+        name: str,
+        *,
+        setup_file: Path | None = None,
+    ) -> None:
+        prefixes = os.environ["AMENT_PREFIX_PATH"].split(os.pathsep)
+        executable = next(
+            p for p in (Path(x) / "lib/stcalib_ros/calibrator" for x in prefixes) if p.exists()
+        )
+        given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
+        script = f'source "{setup_file}"; exec "$@"'
+        sourcing = [] if setup_file is None else ["bash", "-c", script, "bash"]
+        self.log = folder / f"{name}.log"
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [*sourcing, executable, "--ros-args", "-r", f"__node:={name}", *given],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+            )
+
+    def stop(self, number: int = signal.SIGTERM) -> tuple[int, float]:
+        """Exit status, and the seconds that it took."""
+        begin = time.monotonic()
+        self.process.send_signal(number)
+        status = self.process.wait(timeout=TIMEOUT_S)
+        return status, time.monotonic() - begin
+
+    def kill(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+
+
+class Client:
+    """A ROS node in this process."""
+
+    def __init__(self, target: str) -> None:
+        self.target = target
+        self.context = rclpy.Context()
+        self.context.init()
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.node = rclpy.create_node(f"client_of_{target}", context=self.context)
+        self.executor.add_node(self.node)
+        self.diagnostics: dict[str, dict[str, str]] = {}
+        self.n_diagnostics = 0
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 10)
+        self._publishers: dict[str, Any] = {}
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.shutdown()
+
+    def wait(self, done: Callable[[], bool], what: str) -> None:
+        deadline = time.monotonic() + TIMEOUT_S
+        while not done():
+            assert time.monotonic() < deadline, f"not within {TIMEOUT_S} s: {what}"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def result_of(self, future: Any, what: str) -> Any:
+        self.wait(future.done, what)
+        return future.result()
+
+    def ask(self, kind: Any, name: str, **fields: Any) -> Any:
+        """Future of the answer of a service."""
+        client = self.node.create_client(kind, f"/{self.target}/{name}")
+        self.wait(client.service_is_ready, f"service {name}")
+        return client.call_async(kind.Request(**fields))
+
+    def answer(self, kind: Any, name: str, **fields: Any) -> Any:
+        return self.result_of(self.ask(kind, name, **fields), f"answer of {name}")
+
+    def latched(self, kind: Any, topic: str, count: int) -> list[Any]:
+        """As many messages as one who comes late gets."""
+        received: list[Any] = []
+        listener = self.node.create_subscription(
+            kind, f"/{self.target}/{topic}", received.append, LATCHED
+        )
+        self.wait(lambda: len(received) >= count, f"{count} messages on {topic}")
+        self.node.destroy_subscription(listener)
+        return received
+
+    def status(self, part: str) -> dict[str, str]:
+        return self.diagnostics.get(f"{self.target}: {part}", {})
+
+    def next_diagnostics(self) -> None:
+        seen = self.n_diagnostics
+        self.wait(lambda: self.n_diagnostics > seen, "diagnostics")
+
+    def publisher(self, kind: Any, topic: str) -> Any:
+        if topic not in self._publishers:
+            self._publishers[topic] = self.node.create_publisher(kind, topic, RELIABLE)
+        publisher = self._publishers[topic]
+        self.wait(lambda: publisher.get_subscription_count() > 0, f"subscription to {topic}")
+        return publisher
+
+    def play(self, bag: Path, *, speed: float = 4.0) -> None:
+        """Publish the messages of a bag, stamps as they are."""
+        files = bag_files(bag)
+        kinds = {"PersonPose3DArray": PersonPose3DArray, "CameraInfo": CameraInfo}
+        publishers = {
+            s.topic: self.publisher(kinds[s.type_name.rpartition("/")[2]], s.topic)
+            for s in topic_schemas(files)
+        }
+        begin, first = time.monotonic(), None
+        for raw in raw_messages(files, frozenset(publishers)):
+            first = raw.log_time if first is None else first
+            due = begin + (raw.log_time - first) * 1e-9 / speed
+            while (rest := due - time.monotonic()) > 0:
+                self.executor.spin_once(timeout_sec=rest)
+            publishers[raw.topic].publish(raw.data)
+
+    def play_completely(self, bag: Path, counts: Mapping[str, int]) -> None:
+        """Play until every image has arrived: best effort may lose some, another time not."""
+        deadline = time.monotonic() + TIMEOUT_S
+        while True:
+            self.play(bag)
+            before: dict[str, int] = {}
+            while (now := self.images(counts)) != before:
+                before = now
+                self.next_diagnostics()
+            if now == counts:
+                return
+            assert time.monotonic() < deadline, f"arrived: {now} of {counts}"
+
+    def images(self, names: Mapping[str, int]) -> dict[str, int]:
+        self.next_diagnostics()
+        return {n: int(self.status(f"camera {n}").get("images", -1)) for n in names}
+
+    def _diagnosed(self, array: DiagnosticArray) -> None:
+        if not any(s.name.startswith(f"{self.target}: ") for s in array.status):
+            return
+        self.n_diagnostics += 1
+        for status in array.status:
+            values = {v.key: v.value for v in status.values}
+            self.diagnostics[status.name] = values | {"message": status.message}

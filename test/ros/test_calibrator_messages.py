@@ -1,0 +1,108 @@
+"""What a calibration is published as."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2: make env")
+pytest.importorskip("stcalib_ros.msg", reason="the messages are not built: make env")
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.serialization import serialize_message
+from samples import STAMP, calibration
+from scipy.spatial.transform import Rotation
+from visualization_msgs.msg import Marker
+
+from stcalib_ros.io.topics import SelectedCamera
+from stcalib_ros.ros.buffers import Counts
+from stcalib_ros.ros.diagnostics import SolverState, camera_status, solver_status
+from stcalib_ros.ros.markers import camera_markers
+from stcalib_ros.ros.publishers import transforms
+from stcalib_ros.ros.worker import Step
+
+CAMERA = SelectedCamera("cam0", "/a", "/b", None)
+COUNTS = Counts(10, 20, 30.0, 0.5, True, 3, 12, 0, 0, "")
+
+
+def test_transforms_are_the_poses_in_the_reference():
+    record = calibration()
+    sent = transforms(record, stamp=STAMP, suffix="_found")
+    assert [t.child_frame_id for t in sent] == [
+        "cam0_optical_frame_found",
+        "cam2_optical_frame_found",
+    ]
+    for transform, camera in zip(sent, (record.cameras[0], record.cameras[2]), strict=True):
+        assert (transform.header.frame_id, transform.header.stamp) == ("cam1_optical_frame", STAMP)
+        t, q = transform.transform.translation, transform.transform.rotation
+        np.testing.assert_array_equal([t.x, t.y, t.z], camera.t_ref_cam)
+        np.testing.assert_allclose(
+            Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix(), camera.R_ref_cam, atol=1e-12
+        )
+
+
+def test_frusta_open_from_the_camera_along_its_axis():
+    record = calibration()
+    clear, *markers = camera_markers(record, stamp=STAMP).markers
+    assert clear.action == Marker.DELETEALL
+    frusta = [m for m in markers if m.type == Marker.LINE_LIST]
+    assert [m.text for m in markers if m.text] == ["cam0", "cam1", "cam2"]
+    for marker, camera in zip(frusta, record.cameras, strict=True):
+        points = np.array([[p.x, p.y, p.z] for p in marker.points])
+        assert len(points) == 16
+        in_camera = (points - camera.t_ref_cam) @ camera.R_ref_cam
+        np.testing.assert_allclose(in_camera[0:8:2], 0.0, atol=1e-12)
+        corners = in_camera[1:8:2]
+        np.testing.assert_allclose(corners[:, 2], corners[0, 2])
+        assert corners[0, 2] > 0
+        pixels = corners[:, :2] / corners[:, 2:] * 600.0
+        np.testing.assert_allclose(pixels, [[0, 0], [640, 0], [640, 480], [0, 480]], atol=1e-9)
+        assert len(serialize_message(marker)) > 0
+
+
+def test_nothing_gives_no_frusta():
+    (clear,) = camera_markers(replace(calibration(), cameras=()), stamp=STAMP).markers
+    assert clear.action == Marker.DELETEALL
+
+
+@pytest.mark.parametrize(
+    ("counts", "lack", "level", "message"),
+    [
+        (COUNTS, "", DiagnosticStatus.OK, "receiving"),
+        (COUNTS, "waits for poses", DiagnosticStatus.ERROR, "waits for poses"),
+        (
+            replace(COUNTS, dropped=2, last_problem="too many"),
+            "",
+            DiagnosticStatus.WARN,
+            "dropped messages: too many",
+        ),
+    ],
+)
+def test_status_of_a_camera(counts, lack, level, message):
+    status = camera_status("calibrator", CAMERA, counts, lack)
+    assert (status.name, status.level, status.message) == (
+        "calibrator: camera cam0",
+        level,
+        message,
+    )
+    values = {v.key: v.value for v in status.values}
+    assert (values["rate_hz"], values["camera_info"]) == ("30.00", "true")
+
+
+@pytest.mark.parametrize(
+    ("in_force", "last_status", "level"),
+    [
+        ("run-1", "OK", DiagnosticStatus.OK),
+        ("run-1", "DEGENERATE", DiagnosticStatus.OK),
+        ("", "DEGENERATE", DiagnosticStatus.ERROR),
+        ("", "", DiagnosticStatus.WARN),
+    ],
+)
+def test_status_of_the_solver(in_force, last_status, level):
+    step = Step("run-2", "lift", 0.25)
+    running = solver_status("n", SolverState(step, in_force, "run-1", last_status, "why"))
+    idle = solver_status("n", SolverState(None, in_force, "run-1", last_status, "why"))
+    assert running.level == idle.level == level
+    assert (running.message, idle.message) == ("running run-2: lift", "idle")

@@ -1,0 +1,430 @@
+"""Buffers, readiness, parameters and the worker of the live node; without ROS."""
+
+from __future__ import annotations
+
+import re
+import threading
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+
+from stcalib_ros.core.errors import Cancelled, InputError
+from stcalib_ros.core.options import Options
+from stcalib_ros.core.types import Status
+from stcalib_ros.io.topics import SelectedCamera
+from stcalib_ros.ros import worker as worker_module
+from stcalib_ros.ros.buffers import Buffers, Limits
+from stcalib_ros.ros.parameters import CAMERAS, all_specs, settings_from
+from stcalib_ros.ros.readiness import Trigger, ready_cameras
+from stcalib_ros.ros.worker import Job, Worker, failure
+
+ROOT = Path(__file__).parents[2]
+CAMERA = SelectedCamera("cam0", "/cam0/person_poses", "/cam0/camera_info", None)
+STEP_S = 0.1
+
+
+def poses(stamp_s: float, *, x: float = 100.0, persons: int = 1, **fields: object) -> object:
+    """Persons 170 px high, at `x`."""
+    keypoints = np.stack([np.full(17, x), np.linspace(100, 270, 17)], axis=1).ravel()
+    person = {"score": 1.0, "joints": np.ones(51), "keypoints": keypoints, "joint_scores": []}
+    ns = round(stamp_s * 1e9)
+    stamp = SimpleNamespace(sec=ns // 10**9, nanosec=ns % 10**9)
+    message = {
+        "header": SimpleNamespace(stamp=stamp, frame_id="cam0_optical_frame"),
+        "layout": "h36m_17",
+        "joint_names": [],
+        "rectified": False,
+        "metric": True,
+        "persons": [SimpleNamespace(track_id=i, **person) for i in range(persons)],
+    }
+    return SimpleNamespace(**message | fields)
+
+
+def info(**fields: object) -> object:
+    message = {
+        "width": 640,
+        "height": 480,
+        "distortion_model": "plumb_bob",
+        "d": [0.0] * 5,
+        "k": [600.0, 0.0, 320.0, 0.0, 600.0, 240.0, 0.0, 0.0, 1.0],
+        "r": [0.0] * 9,
+        "p": [0.0] * 12,
+        "binning_x": 0,
+        "binning_y": 0,
+        "roi": SimpleNamespace(x_offset=0, y_offset=0, width=0, height=0),
+    }
+    return SimpleNamespace(**message | fields)
+
+
+class Ear:
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def __call__(self, _name: str, line: str) -> None:
+        self.lines.append(line)
+
+
+@pytest.fixture
+def ear() -> Ear:
+    return Ear()
+
+
+@pytest.fixture
+def buffers(ear: Ear) -> Buffers:
+    made = Buffers([CAMERA], Limits(window_s=10.0, max_persons=3, max_joints=20), ear)
+    made.add_info("cam0", info())
+    return made
+
+
+def fill(buffers: Buffers, start_s: float, seconds: float, *, speed_px_s: float = 0.0) -> None:
+    for t in np.arange(0.0, seconds, STEP_S):
+        buffers.add_poses("cam0", poses(start_s + t, x=100.0 + speed_px_s * t))
+
+
+def stamps_s(buffers: Buffers, **bounds: object) -> list[float]:
+    cameras = buffers.snapshot(**bounds)
+    return [image.stamp_ns * 1e-9 for camera in cameras for image in camera.images]
+
+
+def test_the_window_is_a_span_of_stamps(buffers):
+    fill(buffers, 100.0, 30.0)
+    kept = stamps_s(buffers)
+    assert kept[-1] == pytest.approx(129.9)
+    assert kept[0] == pytest.approx(119.9)
+    assert len(kept) == 101
+    buffers.set_limits(Limits(window_s=2.0))
+    assert len(stamps_s(buffers)) == 21
+
+
+def test_images_are_bounded_whatever_the_window(buffers, ear):
+    buffers.set_limits(Limits(window_s=600.0, max_images=100))
+    fill(buffers, 100.0, 20.0)
+    assert len(stamps_s(buffers)) == 100
+    assert "max_images" in ear.lines[-1]
+
+
+def test_a_snapshot_stays_as_it_is(buffers):
+    fill(buffers, 100.0, 1.0)
+    (camera,) = buffers.snapshot()
+    fill(buffers, 101.0, 1.0)
+    assert len(camera.images) == 10
+    assert (camera.name, camera.pose_topic) == ("cam0", "/cam0/person_poses")
+
+
+def test_a_snapshot_can_be_bounded_by_the_reference_clock(buffers):
+    fill(buffers, 100.0, 5.0)
+    found = stamps_s(buffers, start_s=102.05, end_s=103.05, offsets_s={"cam0": 1.0})
+    assert (found[0], found[-1]) == (pytest.approx(101.1), pytest.approx(102.0))
+    assert buffers.snapshot(["cam1"]) == []
+
+
+def test_without_a_lens_there_is_no_snapshot(ear):
+    buffers = Buffers([CAMERA], Limits(), ear)
+    fill(buffers, 100.0, 1.0)
+    assert buffers.snapshot() == []
+    assert not buffers.counts()["cam0"].has_info
+    assert buffers.moving() == {}
+
+
+def test_time_that_jumps_back_empties_the_buffer(buffers, ear):
+    fill(buffers, 100.0, 5.0, speed_px_s=100.0)
+    buffers.add_poses("cam0", poses(104.0))
+    assert len(stamps_s(buffers)) == 51, "up to a second is disorder, not a jump"
+    assert not ear.lines
+    buffers.add_poses("cam0", poses(100.0))
+    assert stamps_s(buffers) == [100.0]
+    assert buffers.moving() == {"cam0": frozenset()}
+    assert "time jumps back from 104.9" in ear.lines[-1]
+    assert buffers.counts()["cam0"].flushes == 1
+
+
+def test_another_lens_empties_the_buffer_and_says_what_differs(buffers, ear):
+    fill(buffers, 100.0, 1.0)
+    buffers.add_info("cam0", info())
+    assert len(stamps_s(buffers)) == 10
+    buffers.add_info("cam0", info(width=1280))
+    assert stamps_s(buffers) == []
+    assert "CameraInfo changes: width was 640 and is 1280" in ear.lines[-1]
+
+
+@pytest.mark.parametrize(("field", "value"), [("metric", False), ("layout", "coco_17")])
+def test_what_must_not_change_empties_the_buffer(buffers, ear, field, value):
+    fill(buffers, 100.0, 1.0)
+    buffers.add_poses("cam0", poses(101.0, **{field: value}))
+    assert stamps_s(buffers) == [101.0]
+    assert f"{field} changes" in ear.lines[-1]
+
+
+UNUSABLE = [
+    (poses(0.0), "stamp is zero"),
+    (poses(-5.5), "negative"),
+    (poses(101.0, persons=4), "4 persons in one image; 3 are accepted (max_persons)"),
+    (poses(101.0, layout="no_such"), "no_such"),
+    (poses(101.0, layout="x" * 10_000), "longer than"),
+    (poses(101.0, joint_names=["a"] * 21), "joint names"),
+    (poses(101.0, joint_names=["x" * 1000]), "joint names"),
+    (poses(101.0, layout="body_25"), "takes 50"),
+    (poses(101.0, persons=1, layout="mine", joint_names=["a", "a"]), "twice"),
+]
+
+
+@pytest.mark.parametrize(("message", "why"), UNUSABLE, ids=[why for _, why in UNUSABLE])
+def test_unusable_poses_are_counted_said_and_dropped(buffers, ear, message, why):
+    fill(buffers, 100.0, 1.0)
+    buffers.add_poses("cam0", message)
+    counts = buffers.counts()["cam0"]
+    assert (counts.images, counts.dropped, counts.received, counts.flushes) == (10, 1, 11, 0)
+    assert why in ear.lines[-1]
+    assert why in counts.last_problem
+
+
+def test_an_oversize_person_is_dropped(buffers, ear):
+    message = poses(101.0)
+    message.persons[0].joints = np.ones(3 * 21)  # type: ignore[attr-defined]
+    buffers.add_poses("cam0", message)
+    assert "21 joints; 20 are accepted (max_joints)" in ear.lines[-1]
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"k": [0.0] * 9}, {"d": [np.nan] * 5}, {"d": [0.0] * 1000}, {"distortion_model": "other"}],
+)
+def test_unusable_lenses_are_dropped(buffers, fields):
+    fill(buffers, 100.0, 1.0)
+    buffers.add_info("cam0", info(**fields))
+    counts = buffers.counts()["cam0"]
+    assert (counts.images, counts.dropped, counts.has_info) == (10, 1, True)
+
+
+def test_random_messages_do_no_harm(buffers):
+    rng = np.random.default_rng(0)
+    fill(buffers, 100.0, 1.0)
+    for _ in range(1000):
+        message = poses(101.0, persons=int(rng.integers(1, 6)))
+        for person in message.persons:  # type: ignore[attr-defined]
+            person.keypoints = rng.choice([np.nan, np.inf, 1e30], size=rng.integers(1, 33))
+        buffers.add_poses("cam0", message)
+    counts = buffers.counts()["cam0"]
+    assert (counts.images, counts.dropped) == (10, 1000)
+
+
+def test_counts(buffers):
+    fill(buffers, 100.0, 5.0)
+    counts = buffers.counts()["cam0"]
+    assert (counts.images, counts.persons, counts.received) == (50, 50, 50)
+    assert counts.rate_hz == pytest.approx(10.0)
+    assert 0.0 <= counts.age_s < 60.0
+    assert buffers.newest_s() == pytest.approx(104.9)
+
+
+def test_nothing_has_no_made_up_numbers(ear):
+    buffers = Buffers([CAMERA], Limits(), ear)
+    counts = buffers.counts()["cam0"]
+    assert np.isnan(counts.rate_hz)
+    assert np.isinf(counts.age_s)
+    assert np.isnan(buffers.newest_s())
+
+
+@pytest.mark.parametrize(("speed_px_s", "moving"), [(0.0, 0), (5.0, 0), (100.0, 5)])
+def test_motion_is_more_than_noise(buffers, speed_px_s, moving):
+    fill(buffers, 100.0, 5.0, speed_px_s=speed_px_s)
+    assert len(buffers.moving()["cam0"]) == moving
+
+
+def test_motion_is_forgotten_with_its_images(buffers):
+    fill(buffers, 100.0, 5.0, speed_px_s=100.0)
+    fill(buffers, 105.0, 12.0)
+    assert buffers.moving() == {"cam0": frozenset()}
+
+
+SECONDS = frozenset(range(100, 112))
+
+
+@pytest.mark.parametrize(
+    ("moving", "ready"),
+    [
+        ({}, ()),
+        ({"a": SECONDS}, ()),
+        ({"a": SECONDS, "b": frozenset()}, ()),
+        ({"a": SECONDS, "b": SECONDS}, ("a", "b")),
+        ({"a": SECONDS, "b": frozenset(range(500, 520))}, ()),
+        ({"a": SECONDS, "b": SECONDS, "c": frozenset({110, 111})}, ()),
+        ({"a": SECONDS, "b": SECONDS, "c": frozenset({100})}, ("a", "b")),
+    ],
+    ids=["none", "one", "blind", "two", "apart", "one still on the way", "one that left"],
+)
+def test_cameras_are_ready_when_they_share_motion(moving, ready):
+    assert ready_cameras(moving, min_motion_s=10.0, slack_s=1.0) == ready
+
+
+def test_the_trigger_waits_for_something_new():
+    trigger, few, more = Trigger(), frozenset("ab"), frozenset("abc")
+    wants = {"period_s": 0.0, "window_s": 30.0}
+    assert not trigger.due(frozenset(), 100.0, **wants)
+    assert trigger.due(few, 100.0, **wants)
+    trigger.tried(few, 100.0)
+    assert not trigger.due(few, 129.0, **wants)
+    assert trigger.due(few, 130.0, **wants), "nothing is in force: again with new data"
+    trigger.settle(True)
+    assert not trigger.due(few, 1000.0, **wants)
+    assert trigger.due(more, 101.0, **wants)
+    assert trigger.due(few, 160.0, period_s=60.0, window_s=30.0)
+    assert not trigger.due(few, 50.0, period_s=60.0, window_s=30.0)
+    assert trigger.due(few, 111.0, period_s=60.0, window_s=30.0), "from where time jumped back to"
+
+
+def defaults(cameras: tuple[str, ...] = ("cam0", "cam1")) -> dict[str, object]:
+    return {CAMERAS.name: list(cameras)} | {s.name: s.default for s in all_specs(cameras)}
+
+
+def test_the_parameter_file_has_every_parameter_with_its_default():
+    content = yaml.safe_load((ROOT / "config" / "calibrator.yaml").read_text())
+    found: dict[str, object] = {}
+
+    def flatten(values: dict, path: str) -> None:
+        for key, value in values.items():
+            if isinstance(value, dict):
+                flatten(value, f"{path}{key}.")
+            else:
+                found[f"{path}{key}"] = value
+
+    flatten(content["/**"]["ros__parameters"], "")
+    assert found == defaults()
+    assert {k: type(v) for k, v in found.items()} == {k: type(v) for k, v in defaults().items()}
+
+
+def test_fixed_parameters_are_said_to_be():
+    text = (ROOT / "config" / "calibrator.yaml").read_text()
+    fixed = set(re.findall(r"^    (\w+):.*\(fixed\)", text, re.MULTILINE))
+    assert fixed == {spec.name for spec in (CAMERAS, *all_specs(())) if spec.fixed}
+
+
+def test_defaults_calibrate_as_the_command_line_does(monkeypatch):
+    monkeypatch.setenv("ROS_HOME", "/ros_home")
+    settings = settings_from(defaults(), node_name="/site/calibrator")
+    assert settings.options == Options()
+    assert settings.limits == Limits()
+    assert settings.cameras[0] == CAMERA
+    assert settings.results_folder == Path("/ros_home/stcalib_ros/site.calibrator")
+
+
+def test_every_option_has_a_parameter():
+    def leaves(options: object, path: str = "") -> set[str]:
+        out: set[str] = set()
+        for name in options.__dataclass_fields__:  # type: ignore[attr-defined]
+            value = getattr(options, name)
+            nested = hasattr(value, "__dataclass_fields__")
+            out |= leaves(value, f"{path}{name}.") if nested else {path + name}
+        return out
+
+    assert leaves(Options()) <= set(defaults())
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"cameras": ["cam0"]}, "1 given"),
+        ({"cameras": ["cam0", "cam0"]}, "twice"),
+        ({"cameras": ["cam0", "a b"]}, "'a b' is no name"),
+        ({"cameras": [f"c{i}" for i in range(65)]}, "65 given"),
+        ({"reference": "cam7"}, "'cam7' is none of the cameras"),
+    ],
+)
+def test_unusable_parameters_say_why(changes, why):
+    with pytest.raises(InputError, match=why):
+        settings_from(defaults() | changes, node_name="/calibrator")
+
+
+class Solver:
+    """In place of the pipeline: waits until it may go on or is cancelled."""
+
+    def __init__(self) -> None:
+        self.go_on = threading.Event()
+        self.error: Exception | None = None
+
+    def __call__(self, _recording, _options, *, progress, cancelled):
+        progress("registration", 0.5)
+        while not self.go_on.wait(0.01):
+            if cancelled():
+                raise Cancelled("cancelled during registration")
+        if self.error is not None:
+            raise self.error
+        return replace(failure(Status.OK, "2 of 2 cameras calibrated"), reference="cam0")
+
+
+@pytest.fixture
+def solver(monkeypatch: pytest.MonkeyPatch) -> Solver:
+    made = Solver()
+    monkeypatch.setattr(worker_module, "calibrate", made)
+    return made
+
+
+class Bell:
+    def __init__(self) -> None:
+        self._rung = threading.Semaphore(0)
+
+    def __call__(self) -> None:
+        self._rung.release()
+
+    def wait(self) -> None:
+        assert self._rung.acquire(timeout=60.0)
+
+
+@pytest.fixture
+def job(buffers: Buffers) -> Job:
+    fill(buffers, 100.0, 1.0)
+    return Job("run", buffers.snapshot(), Options(), True)
+
+
+def test_the_worker_does_one_job_at_a_time(solver, job):
+    bell = Bell()
+    worker = Worker(bell, print)
+    assert worker.start(job)
+    bell.wait()
+    assert worker.step is not None
+    assert (worker.step.run_id, worker.step.stage) == ("run", "registration")
+    assert not worker.start(job)
+    assert worker.collect() is None
+    solver.go_on.set()
+    bell.wait()
+    assert not worker.start(job), "not before the outcome is collected"
+    outcome = worker.collect()
+    assert outcome is not None
+    assert (outcome.job, outcome.calibration.status) == (job, Status.OK)
+    assert worker.collect() is None
+    assert worker.step is None
+
+
+def test_a_job_is_cancelled(solver, job):
+    worker = Worker(Bell(), print)
+    worker.start(job)
+    assert worker.stop(60.0)
+    outcome = worker.collect()
+    assert outcome is not None
+    assert outcome.calibration.status is Status.CANCELLED
+    solver.go_on.set()
+    assert worker.start(job), "the next one is not cancelled"
+    assert worker.stop(60.0)
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "message"),
+    [
+        (InputError("no such layout"), Status.INSUFFICIENT_DATA, "no such layout"),
+        (np.linalg.LinAlgError("singular"), Status.NOT_CONVERGED, "LinAlgError: singular"),
+    ],
+)
+def test_whatever_the_solver_stumbles_over_the_worker_goes_on(solver, job, error, status, message):
+    solver.error = error
+    solver.go_on.set()
+    worker = Worker(Bell(), print)
+    for _ in range(2):
+        assert worker.start(job)
+        worker.stop(60.0)
+        outcome = worker.collect()
+        assert outcome is not None
+        assert (outcome.calibration.status, outcome.calibration.message) == (status, message)
