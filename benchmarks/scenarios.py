@@ -51,8 +51,6 @@ SCENARIOS = (
         Fraction(29, 30),
         {"E_R": 0.001, "E_t": 0.001, "E_delta": 0.03},
     ),
-    # On these 20 scenes plain reprojection bundle adjustment, given true times and identities,
-    # stops at medians of E_R 0.0047 and E_t 0.0040 (largest 0.014 and 0.016).
     Scenario(
         "bias",
         "the same with key points that are systematically off by 20 mm",
