@@ -181,6 +181,7 @@ class _Run:
         while True:
             self.rounds = self._iterate(start)
             last = self.rounds[-1]
+            self.tick("quality", 0.0)
             covariance = pose_covariance(last.observations, last.state)
             found = evidence(
                 self.lifted,
