@@ -110,6 +110,7 @@ def calibration_result(
         n_inliers=calibration.n_inliers,
         window_start=window_start,
         window_end=window_end,
+        scale_stddev=calibration.scale_stddev,
         joint_covariance=calibration.joint_covariance.ravel().tolist(),
         parameter_order=list(calibration.parameter_order),
     )
@@ -157,8 +158,7 @@ def time_offset_messages(
 
 
 def _header(calibration: Calibration, stamp: Time) -> Header:
-    frames = {c.name: c.frame_id for c in calibration.cameras}
-    return Header(stamp=stamp, frame_id=frames.get(calibration.reference, ""))
+    return Header(stamp=stamp, frame_id=calibration.reference_frame)
 
 
 def _pose(camera: CameraCalibration) -> PoseWithCovariance:

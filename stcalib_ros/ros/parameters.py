@@ -12,6 +12,7 @@ from typing import Any
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.options import Options, options_from_mapping
 from stcalib_ros.io.topics import SelectedCamera
+from stcalib_ros.io.yaml_files import parse_yaml
 from stcalib_ros.ros.buffers import Limits
 
 MAX_CAMERAS = 64
@@ -75,6 +76,19 @@ OPTION_SPECS = (
     Spec("offset_range_s", 2.0, "Clocks are searched within plus and minus this.", 0.01, 60.0),
     Spec("min_score", 0.3, "Joints with a lower score are not used.", 0.0, 1.0),
     Spec("min_common_frames", 12, "Images that two cameras must share in time.", 2, 10_000),
+    Spec(
+        "world_frame",
+        "",
+        "Frame with z up and the floor at 0 for the poses; empty: that of the reference camera.",
+    ),
+    Spec("scale.poses_sigma", 0.1, "Of metric 3D poses, as a share.", 1e-4, 1.0),
+    Spec("scale.body_height_m", 0.0, "Mean height of the people; 0: not known.", 0.0, 3.0),
+    Spec("scale.body_height_sigma_m", 0.09, "Of one of them.", 1e-3, 1.0),
+    Spec(
+        "scale.distances",
+        "",
+        "Known distances, a list in YAML's short form as in calibrate.yaml; empty: none.",
+    ),
     Spec("seed", 0, "Same seed, same result.", 0, 2**31),
     Spec("registration.min_overlap", 12, "Samples that two tracks must share.", 2, 10_000),
     Spec("registration.n_candidates", 200, "Track pairs and lags that vote.", 1, 100_000),
@@ -189,6 +203,8 @@ def _options(values: Mapping[str, Any]) -> Options:
     for spec in OPTION_SPECS:
         group, _, name = spec.name.rpartition(".")
         (nested.setdefault(group, {}) if group else nested)[name] = values[spec.name]
+    distances = parse_yaml(nested["scale"]["distances"], "scale.distances")
+    nested["scale"]["distances"] = () if distances is None else distances
     return options_from_mapping(nested | {"reference": nested["reference"] or None})
 
 

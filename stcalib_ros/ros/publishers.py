@@ -26,7 +26,7 @@ def latched(depth: int = 1) -> QoSProfile:
 
 
 def transforms(calibration: Calibration, *, stamp: Time, suffix: str) -> list[TransformStamped]:
-    """T_ref_cam of all cameras but the reference, for /tf_static.
+    """T_ref_cam of all cameras for /tf_static, but of the one whose frame is the reference.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def transforms(calibration: Calibration, *, stamp: Time, suffix: str) -> list[Tr
     """
     out = []
     for extrinsics in extrinsics_messages(calibration, stamp=stamp):
-        if extrinsics.camera == calibration.reference:
+        if extrinsics.child_frame_id == calibration.reference_frame:
             continue
         pose = extrinsics.pose.pose
         p = pose.position
