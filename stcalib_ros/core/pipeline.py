@@ -79,7 +79,7 @@ class Stages:
     rigs: tuple[Rig, ...]
     rounds: tuple[Round, ...]
     calibration: Calibration
-    placement: Placement | None
+    placement: Placement | None = None
 
 
 def calibrate(
