@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
@@ -42,8 +42,10 @@ class Stream:
     source, target : str
         Names as they are after remapping.
     restamper : Restamper
-    publisher : rclpy.publisher.Publisher or None
-        None: its type is not known yet.
+    publisher, subscription : rclpy's, or None
+        None: its type, or its publishers' reliability, is not known yet.
+    reliable : bool
+        The subscription is.
     refused : str
         Why the topic cannot be relayed; empty if it can.
     held : bytes or None
@@ -57,6 +59,8 @@ class Stream:
     target: str
     restamper: Restamper = field(default_factory=Restamper)
     publisher: Any = None
+    subscription: Any = None
+    reliable: bool = False
     refused: str = ""
     held: bytes | None = None
     told: int = 0
@@ -128,34 +132,64 @@ class Restamp:
                 self._send(stream, stream.restamper.again(stream.held))
 
     def _look(self) -> None:
-        """Open the topics whose publishers have come."""
+        """Open the topics whose publishers have come, and follow their reliability."""
         for stream in self.streams:
-            if stream.publisher is not None or stream.refused:
+            if stream.refused:
                 continue
             infos = self.node.get_publishers_info_by_topic(stream.source)
-            types = sorted({info.topic_type for info in infos})
             try:
-                if len(types) > 1:
-                    raise InputError(f"{stream.source} has two types: {', '.join(types)}")
-                if types:
-                    self._open(stream, types[0])
+                if stream.publisher is None and infos:
+                    self._open(stream, _common_type(stream.source, infos), infos)
             except InputError as error:
                 stream.refused = str(error)
                 self.log.error(f"not relayed: {error}")
+                continue
+            if stream.publisher is not None:
+                self._subscribe(stream, infos)
 
-    def _open(self, stream: Stream, type_name: str) -> None:
+    def _wants_reliable(self, stream: Stream, infos: Sequence[Any]) -> bool:
+        """Best effort takes from everybody, but what is large hardly gets through."""
+        if stream.given.latched or self.settings.input_reliability == "reliable":
+            return True
+        if self.settings.input_reliability == "best_effort":
+            return False
+        offered = {info.qos_profile.reliability for info in infos}
+        return offered == {ReliabilityPolicy.RELIABLE}
+
+    def _open(self, stream: Stream, type_name: str, infos: Sequence[Any] = ()) -> None:
         message_type = message_class(stream.source, type_name)
-        incoming = _qos(self.settings.input_reliability, stream, self.settings)
-        outgoing = _qos(self.settings.output_reliability, stream, self.settings)
-        stream.publisher = self.node.create_publisher(message_type, stream.target, outgoing)
-        self.node.create_subscription(
-            message_type,
+        reliable = self.settings.output_reliability == "reliable"
+        qos = self._qos(stream, reliable=reliable)
+        stream.publisher = self.node.create_publisher(message_type, stream.target, qos)
+        self._subscribe(stream, infos)
+        self.log.info(f"relays {stream.source} ({type_name}) to {stream.target}")
+
+    def _subscribe(self, stream: Stream, infos: Sequence[Any]) -> None:
+        """Subscribe as the publishers demand; again, if that has changed."""
+        if not infos and self.settings.input_reliability == "auto":
+            return
+        reliable = self._wants_reliable(stream, infos)
+        if stream.subscription is not None:
+            if stream.reliable == reliable:
+                return
+            self.node.destroy_subscription(stream.subscription)
+        stream.reliable = reliable
+        stream.subscription = self.node.create_subscription(
+            stream.publisher.msg_type,
             stream.source,
-            lambda data, stream=stream: self._relay(stream, data),
-            incoming,
+            lambda data: self._relay(stream, data),
+            self._qos(stream, reliable=reliable),
             raw=True,
         )
-        self.log.info(f"relays {stream.source} ({type_name}) to {stream.target}")
+
+    def _qos(self, stream: Stream, *, reliable: bool) -> QoSProfile:
+        if stream.given.latched:
+            return latched()
+        return QoSProfile(
+            depth=self.settings.queue_depth,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.VOLATILE,
+        )
 
     def _relay(self, stream: Stream, data: bytes) -> None:
         if stream.given.latched:
@@ -210,6 +244,7 @@ class Restamp:
         values = {
             "camera": stream.given.camera,
             "target": stream.target,
+            "reliable": str(stream.reliable).lower(),
             "correction": describe(correction) if correction else "",
             "relayed": restamper.relayed,
             "dropped": restamper.dropped,
@@ -274,14 +309,11 @@ def _require_apart(streams: list[Stream]) -> None:
             raise InputError(f"{twice} would be relayed twice or to itself: look at the remapping")
 
 
-def _qos(reliability: str, stream: Stream, settings: RelaySettings) -> QoSProfile:
-    if stream.given.latched:
-        return latched()
-    return QoSProfile(
-        depth=settings.queue_depth,
-        reliability=ReliabilityPolicy[reliability.upper()],
-        durability=DurabilityPolicy.VOLATILE,
-    )
+def _common_type(topic: str, infos: Sequence[Any]) -> str:
+    types = sorted({info.topic_type for info in infos})
+    if len(types) > 1:
+        raise InputError(f"{topic} has two types: {', '.join(types)}")
+    return str(types[0])
 
 
 def main() -> int:

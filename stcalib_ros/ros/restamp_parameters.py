@@ -11,7 +11,10 @@ from typing import Any
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.ros.parameters import CAMERAS, Spec, declared, require_camera_names
 
-_RELIABILITIES = ("best_effort", "reliable")
+_RELIABILITIES = {
+    "input_reliability": ("auto", "best_effort", "reliable"),
+    "output_reliability": ("best_effort", "reliable"),
+}
 _TYPE = re.compile(r"\w+/msg/\w+", re.ASCII)
 
 RELAY_SPECS = (
@@ -23,7 +26,12 @@ RELAY_SPECS = (
     ),
     Spec("result_file", "", "Result file that holds until the topic has something.", fixed=True),
     Spec("output_prefix", "/restamped", "Put before the name of every topic.", fixed=True),
-    Spec("input_reliability", "best_effort", "best_effort or reliable.", fixed=True),
+    Spec(
+        "input_reliability",
+        "auto",
+        "best_effort, reliable, or auto: reliable while all publishers of the topic are.",
+        fixed=True,
+    ),
     Spec("output_reliability", "reliable", "best_effort or reliable.", fixed=True),
     Spec("queue_depth", 10, "Messages that wait, per topic, in and out.", 1, 1000, fixed=True),
 )
@@ -119,9 +127,9 @@ def relay_settings(topics: Iterable[RelayedTopic], **values: Any) -> RelaySettin
     names = [t.topic for t in topics]
     if twice := next((n for n in names if names.count(n) > 1), None):
         raise InputError(f"{twice} is given twice; a topic has the clock of one camera")
-    for name in ("input_reliability", "output_reliability"):
-        if values[name] not in _RELIABILITIES:
-            raise InputError(f"{name}: {values[name]!r} is none of {', '.join(_RELIABILITIES)}")
+    for name, known in _RELIABILITIES.items():
+        if values[name] not in known:
+            raise InputError(f"{name}: {values[name]!r} is none of {', '.join(known)}")
     if not values["output_prefix"].strip("/"):
         raise InputError("output_prefix: empty, and the topics would be fed by themselves")
     if not values["result_topic"] and not values["result_file"]:
