@@ -22,12 +22,14 @@ from stcalib_ros.io.stamps import ClockCorrection, Restamper, changes, correctio
 from stcalib_ros.msg import CalibrationResult
 from stcalib_ros.ros.convert import clock_corrections
 from stcalib_ros.ros.diagnostics import STARVED_S, publishers_of
+from stcalib_ros.ros.parameters import MAX_CAMERAS
 from stcalib_ros.ros.publishers import latched
 from stcalib_ros.ros.restamp_parameters import RelayedTopic, RelaySettings, declare_relay
 from stcalib_ros.ros.running import spin_until, stop_on_signals
 
 _HEADER = "std_msgs/Header"
 _LOOK_S = 0.5
+_MAX_TEXT = 256
 _REPEAT_S = 5.0
 _REPEAT_STARVED_S = 30.0
 
@@ -105,13 +107,11 @@ class Restamp:
         node.create_timer(1.0, self._every_second, clock=steady)
 
     def _result(self, message: CalibrationResult) -> None:
-        if message.status != CalibrationResult.OK:
-            self.log.warning(f"result {message.run_id} is not used: {message.message}")
-            return
+        name = f"result {message.run_id[:_MAX_TEXT]}"
         try:
-            self._take(clock_corrections(message), f"result {message.run_id}")
+            self._take(_usable_corrections(message), name)
         except InputError as error:
-            self.log.error(f"result {message.run_id} is not used: {error}")
+            self.log.error(f"{name} is not used: {error}")
 
     def _take(self, corrections: Mapping[str, ClockCorrection], source: str) -> None:
         """Use new offsets, all at once, from the next message on."""
@@ -257,6 +257,16 @@ class Restamp:
             message=message,
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
+
+
+def _usable_corrections(message: CalibrationResult) -> dict[str, ClockCorrection]:
+    if message.status != CalibrationResult.OK:
+        raise InputError(message.message[:_MAX_TEXT] or "it says that it is not to be trusted")
+    if (n := len(message.time_offsets)) > MAX_CAMERAS:
+        raise InputError(f"it has {n} cameras; there can be {MAX_CAMERAS}")
+    if any(len(offset.camera) > _MAX_TEXT for offset in message.time_offsets):
+        raise InputError(f"the name of a camera is longer than {_MAX_TEXT} characters")
+    return clock_corrections(message)
 
 
 def message_class(topic: str, type_name: str) -> Any:

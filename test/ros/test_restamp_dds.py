@@ -179,10 +179,26 @@ def test_new_offsets_hold_at_once_and_are_told(live, sender):
     sender.send_images(1, first=40)
     sender.wait(lambda: bool(images), "an image")
     assert stamp_s(images[0]) == pytest.approx(40 / 30.0 + 0.05, abs=1e-6)
-    sender.publish_result({"cam0": float("nan")}, run_id="third")
-    sender.publish_result({"cam0": 0.0}, run_id="fourth", status=CalibrationResult.DEGENERATE)
-    for name in ("third", "fourth"):
-        sender.wait(lambda n=name: f"{n} is not used" in live.log.read_text(), "a refusal")
+
+
+@pytest.mark.parametrize(
+    ("offsets_s", "fields", "why"),
+    [
+        ({"cam0": float("nan")}, {}, "no clock: offset nan s"),
+        (
+            {"cam0": 0.0},
+            {"status": CalibrationResult.DEGENERATE, "message": "too flat"},
+            "too flat",
+        ),
+        ({f"cam{i}": 0.0 for i in range(65)}, {}, "it has 65 cameras; there can be 64"),
+        ({"c" * 257: 0.0}, {}, "the name of a camera is longer than 256"),
+    ],
+)
+def test_results_that_cannot_be_used_change_nothing(live, sender, offsets_s, fields, why):
+    sender.publish_result(offsets_s, run_id="bad", **fields)
+    sender.wait(lambda: f"result bad is not used: {why}" in live.log.read_text(), why)
+    sender.next_diagnostics()
+    assert sender.topic("/cam1/image")["correction"] == "-250.000 ms"
 
 
 def test_what_has_no_header_is_refused_in_one_line(live, sender):
