@@ -9,6 +9,7 @@ import argparse
 import os
 import subprocess
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -142,7 +143,7 @@ def _cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def _wait(executor: SingleThreadedExecutor, done) -> None:
+def _wait(executor: SingleThreadedExecutor, done: Callable[[], bool]) -> None:
     deadline = time.monotonic() + _TIMEOUT_S
     while not done():
         if time.monotonic() > deadline:

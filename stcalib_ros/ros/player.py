@@ -22,6 +22,7 @@ from stcalib_ros.msg import PersonPose3DArray
 from stcalib_ros.ros.publishers import latched
 
 _DEPTH = 1000
+_LOOK_S = 0.05
 _LINGER_S = 0.5
 """For what was sent last to arrive before the process may end."""
 
@@ -123,8 +124,10 @@ class Player:
         """Wait for subscriptions, and say which topics have none."""
         deadline = time.monotonic() + self._options.wait_s
         while alone := [t for t, p in self._publishers.items() if not p.get_subscription_count()]:
-            if time.monotonic() >= deadline or stop.wait(0.05):
+            if time.monotonic() >= deadline:
                 self._log.warning(f"played all the same: nobody listens to {', '.join(alone)}")
+                return
+            if stop.wait(_LOOK_S):
                 return
 
 
