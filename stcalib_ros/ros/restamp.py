@@ -148,7 +148,7 @@ class Restamp:
                 self._subscribe(stream, infos)
 
     def _wants_reliable(self, stream: Stream, infos: Sequence[Any]) -> bool:
-        """Best effort takes from everybody, but what is large hardly gets through."""
+        """Best effort takes from everybody, but most of what is large is lost with it."""
         if stream.given.latched or self.settings.input_reliability == "reliable":
             return True
         if self.settings.input_reliability == "best_effort":
