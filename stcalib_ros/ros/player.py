@@ -123,7 +123,10 @@ class Player:
     def _wait(self, stop: threading.Event) -> None:
         """Wait for subscriptions, and say which topics have none."""
         deadline = time.monotonic() + self._options.wait_s
-        while alone := [t for t, p in self._publishers.items() if not p.get_subscription_count()]:
+        publishers = dict(self._publishers)
+        if self._clock is not None:
+            publishers["/clock"] = self._clock
+        while alone := [t for t, p in publishers.items() if not p.get_subscription_count()]:
             if time.monotonic() >= deadline:
                 self._log.warning(f"played all the same: nobody listens to {', '.join(alone)}")
                 return
