@@ -39,6 +39,17 @@ CAMERAS = Spec(
     fixed=True,
 )
 
+TF_SPECS = (
+    Spec("publish_tf", True, "Publish the cameras on /tf_static.", fixed=True),
+    Spec("tf_not_metric", False, "Also if lengths are not metres.", fixed=True),
+    Spec(
+        "tf_suffix",
+        "",
+        "Added to child frames on /tf_static, for optical frames that have a parent already.",
+        fixed=True,
+    ),
+)
+
 NODE_SPECS = (
     Spec("window_s", 30.0, "Time span that is kept of each camera, seconds.", 2.0, 600.0),
     Spec("max_images", 6000, "Images kept of each camera, whatever the span.", 100, 100_000),
@@ -61,14 +72,7 @@ NODE_SPECS = (
         fixed=True,
     ),
     Spec("keep_results", 50, "Calibrations kept on disk.", 2, 1000, fixed=True),
-    Spec("publish_tf", True, "Publish the cameras on /tf_static.", fixed=True),
-    Spec("tf_not_metric", False, "Also if lengths are not metres.", fixed=True),
-    Spec(
-        "tf_suffix",
-        "",
-        "Added to child frames on /tf_static, for optical frames that have a parent already.",
-        fixed=True,
-    ),
+    *TF_SPECS,
 )
 
 OPTION_SPECS = (
@@ -146,21 +150,21 @@ def all_specs(cameras: Iterable[str]) -> tuple[Spec, ...]:
     return (*own, *NODE_SPECS, *OPTION_SPECS)
 
 
-def require_camera_names(names: Iterable[str]) -> tuple[str, ...]:
+def require_camera_names(names: Iterable[str], *, at_least: int = 2) -> tuple[str, ...]:
     """Camera names that can be part of topics and parameters.
 
     Raises
     ------
     InputError
-        There are fewer than two or too many, one is given twice, or one is no name.
+        There are too few or too many, one is given twice, or one is no name.
     """
     names = tuple(names)
     if bad := [n for n in names if not _NAME.fullmatch(n)]:
         raise InputError(f"cameras: {bad[0]!r} is no name: letters, digits and _, a letter first")
     if len(set(names)) < len(names):
         raise InputError(f"cameras: a name is given twice: {', '.join(names)}")
-    if not 2 <= len(names) <= MAX_CAMERAS:
-        raise InputError(f"cameras: {len(names)} given, there must be 2 to {MAX_CAMERAS}")
+    if not at_least <= len(names) <= MAX_CAMERAS:
+        raise InputError(f"cameras: {len(names)} given, there must be {at_least} to {MAX_CAMERAS}")
     return names
 
 
@@ -228,12 +232,19 @@ def declare(node: Any) -> dict[str, Any]:
     InputError
         A value that was given has the wrong type or is out of its range.
     """
-    values = {CAMERAS.name: _declared(node, CAMERAS)}
+    values = {CAMERAS.name: declared(node, CAMERAS)}
     names = require_camera_names(values[CAMERAS.name])
-    return values | {spec.name: _declared(node, spec) for spec in all_specs(names)}
+    return values | {spec.name: declared(node, spec) for spec in all_specs(names)}
 
 
-def _declared(node: Any, spec: Spec) -> Any:
+def declared(node: Any, spec: Spec) -> Any:
+    """Declare one parameter on a node and return its value.
+
+    Raises
+    ------
+    InputError
+        The value that was given has the wrong type or is out of its range.
+    """
     from rclpy.exceptions import ParameterException
 
     try:
