@@ -26,6 +26,8 @@ _MIN_POINTS = 40
 _WORTH_CORRECTING = 1.0
 _RIVAL = 0.7
 _ALTERNATIONS = 3
+_FITS = 2.0
+_FITS_PX = 12.0
 
 ROTATION, SHIFT, CLOCK = slice(0, 3), slice(3, 6), 6
 """Where they are in the seven parameters of a change."""
@@ -97,6 +99,7 @@ def explain(sightings: Sightings, promised_px: FloatArray) -> tuple[Finding, ...
     """
     C = len(sightings.names)
     noise = np.maximum(promised_px, _NOISE_FLOOR_PX)
+    sightings = _believable(sightings, noise)
     fits = [best_fit(sightings, c, noise[c]) for c in range(C)]
     changes: dict[int, FloatArray] = {}
     alike: dict[int, set[int]] = {c: set() for c in range(C)}
@@ -113,7 +116,9 @@ def explain(sightings: Sightings, promised_px: FloatArray) -> tuple[Finding, ...
         given = _corrected(sightings, changes)
         for c in sorted(left):
             fit = best_fit(given, c, noise[c])
-            if fits[c].gain >= _RIVAL * fits[worst].gain and fit.gain < _WORTH_CORRECTING:
+            if fits[c].gain >= _RIVAL * fits[worst].gain and (
+                fit.gain < _WORTH_CORRECTING or C == 2
+            ):
                 alike[c].add(worst)
                 alike[worst].add(c)
                 left.remove(c)
@@ -134,6 +139,23 @@ def explain(sightings: Sightings, promised_px: FloatArray) -> tuple[Finding, ...
         )
         for c in range(C)
     )
+
+
+def _believable(s: Sightings, noise: FloatArray) -> Sightings:
+    """The same without tentative persons whom no change of their camera brings to where they are.
+
+    The worse the guess, the more the fit leaves; with two cameras, either may have changed.
+    """
+    x = s.x.copy()
+    for c in np.flatnonzero(s.tentative).tolist():
+        if not explains(best_fit(s, c, noise[c]), float(np.median(np.delete(noise[c], c)))):
+            x[c] = np.nan
+    return replace(s, x=x)
+
+
+def explains(fit: Fit, promised_px: float) -> bool:
+    """Whether what a fit leaves is what the calibration promises, or not much more."""
+    return fit.after_px <= max(_FITS * promised_px, _FITS_PX)
 
 
 def _corrected(s: Sightings, changes: Mapping[int, FloatArray], *, but: int = -1) -> Sightings:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from stcalib_ros.core.association import associate
 from stcalib_ros.core.averaging import Rig
@@ -34,6 +35,7 @@ _SCALE_SAMPLES = 8
 _MAX_SCALES = 200
 _SAME_PLACE_M = 0.5
 _NEAREST_M = 0.3
+_FAR_M = 2.0
 _IN_VIEW = 0.05
 """A person nearer to the border of the image than this share of it may be missed."""
 
@@ -63,6 +65,9 @@ class Sightings:
         whom at least two others see; and of these, those at which it sees such a person.
     blind : (C,) ndarray of int
         Moments at which it should see a person whom two others see, and sees nobody at all.
+    tentative : (C,) ndarray of bool
+        None of its persons was anybody's by the calibration; who is who is a guess by where they
+        stand, to be believed if a change of the camera makes it fit.
     """
 
     names: tuple[str, ...]
@@ -77,6 +82,7 @@ class Sightings:
     expected: IntArray
     matched: IntArray
     blind: IntArray
+    tentative: BoolArray
 
 
 def sight(recording: Recording, calibration: Calibration, *, min_score: float) -> Sightings | None:
@@ -241,6 +247,7 @@ def _sightings(recording: Recording, cameras: Sequence[LiftedCamera], rig: Rig) 
                 out[c, n, here] = values[here]
     present = np.isfinite(body[..., 0])
     counted = _visibility(recording, rig, body, present)
+    tentative = np.array([_reassign(c, rig, body, (x, v, focal)) for c in range(C)])
     epoch = recording.epoch_ns * 1e-9
     depth = [
         float(np.median(z[here])) if here.any() else np.nan
@@ -256,7 +263,41 @@ def _sightings(recording: Recording, cameras: Sequence[LiftedCamera], rig: Rig) 
         focal,
         np.array(depth),
         **counted,
+        tentative=tentative,
     )
+
+
+def _reassign(c: int, rig: Rig, body: FloatArray, arrays: tuple[FloatArray, ...]) -> bool:
+    """Give a camera whose persons are nobody's those who stand nearest, in place.
+
+    Returns
+    -------
+    bool
+        Whether it was done.
+    """
+    present = np.isfinite(body[..., 0])
+    others = np.arange(len(body)) != c
+    seen_by_others = present[others].any((0, 2))
+    own = np.flatnonzero(present[c].any(-1))
+    wanted = np.flatnonzero(seen_by_others)
+    if seen_by_others[own].any() or not len(own) or not len(wanted):
+        return False
+    places = np.einsum("cij,cnkj->cnki", rig.R_ref_cam, body) + rig.t_ref_cam[:, None, None]
+    n_others = present[others].sum(0)
+    mean = np.where(present[others][..., None], places[others], 0.0).sum(0)
+    with np.errstate(invalid="ignore"):
+        mean = mean / np.where(n_others > 0, n_others, np.nan)[..., None]
+    apart = np.linalg.norm(places[c, own][:, None] - mean[wanted][None], axis=-1)
+    together = np.isfinite(apart).sum(-1) >= 0.5 * apart.shape[-1]
+    total = np.where(np.isfinite(apart), apart, 0.0).sum(-1)
+    cost = np.where(together, total / np.maximum(np.isfinite(apart).sum(-1), 1), _FAR_M)
+    rows, columns = linear_sum_assignment(np.minimum(cost, _FAR_M))
+    near = cost[rows, columns] < _FAR_M
+    for array in arrays:
+        moved = array[c, own[rows[near]]].copy()
+        array[c] = np.nan
+        array[c, wanted[columns[near]]] = moved
+    return bool(near.any())
 
 
 def _ones(points: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from enum import Enum
 import numpy as np
 
 from stcalib_ros.core.types import Calibration, FloatArray, Recording
-from stcalib_ros.core.watch.explain import CLOCK, ROTATION, SHIFT, Finding, explain
+from stcalib_ros.core.watch.explain import CLOCK, ROTATION, SHIFT, Finding, explain, explains
 from stcalib_ros.core.watch.sightings import sight
 
 SPAN_S = 2.0
@@ -228,7 +228,7 @@ def _verdict(spans: Sequence[Span], before: Verdict, thresholds: Thresholds) -> 
         return before
     last = own[-1][1]
     measured = replace(before, residual_px=_RMS * last.fit.before_px, promised_px=last.promised_px)
-    run = _run(own, lambda f: _suspicious(f, thresholds) and not _lost(f))
+    run = _run(own, lambda f: _suspicious(f, thresholds))
     changed = _changed(run[-_RECENT:], measured, thresholds)
     return changed or _gone(own, measured, thresholds) or _calmed(own, measured, thresholds)
 
@@ -237,9 +237,8 @@ def _gone(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | Non
     """Alarm if a camera matches nobody or sees nobody for longer than chance has it."""
     lost = _run(own, lambda f: _lost(f) or (_suspicious(f, thresholds) and f.fit.gain > 1.0))
     if len(lost) >= _LOST_SPANS and sum(_lost(f) for _, f in lost) >= _CONFIRMED:
-        names = tuple(lost[-1][0].findings)
-        suspects = names if len(names) == 2 else ()
-        return _alarm(measured, State.LOST, _since(lost[0][0], measured), suspects=suspects)
+        since_s = _since(lost[0][0], measured)
+        return _alarm(measured, State.LOST, since_s, suspects=_pair(lost[-1][0]))
     blind = _run(own, lambda f: f.blind >= _BLIND * f.moments)
     if len(blind) >= KEPT_SPANS:
         return _alarm(measured, State.BLIND, _since(blind[0][0], measured))
@@ -280,7 +279,9 @@ def _run_of(values: Sequence[bool]) -> int:
 
 def _lost(f: Finding) -> bool:
     unmatched = f.expected >= _MIN_EXPECTED and f.matched <= _MAX_MATCHED * f.expected
-    return unmatched or f.fit.after_px > max(_DISAGREES * f.promised_px, _DISAGREES_PX)
+    return (unmatched and not f.fit.n_points) or f.fit.after_px > max(
+        _DISAGREES * f.promised_px, _DISAGREES_PX
+    )
 
 
 def _effect(change: FloatArray, depth_m: float, thresholds: Thresholds) -> tuple[float, float]:
@@ -295,7 +296,7 @@ def _effect(change: FloatArray, depth_m: float, thresholds: Thresholds) -> tuple
 
 def _suspicious(f: Finding, thresholds: Thresholds) -> bool:
     effect = max(_effect(f.fit.change, f.depth_m, thresholds))
-    return f.fit.gain >= _MIN_SPAN_GAIN and effect >= _HALF
+    return f.fit.gain >= _MIN_SPAN_GAIN and effect >= _HALF and explains(f.fit, f.promised_px)
 
 
 def _changed(run: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | None:
@@ -303,22 +304,29 @@ def _changed(run: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | 
     gain = sum(f.fit.gain for _, f in run)
     if len(run) < _CONFIRMED or gain < _MIN_GAIN:
         return None
-    change, depth_m = _combined([f for _, f in run]), float(np.median([f.depth_m for _, f in run]))
-    moved, jumped = _effect(change, depth_m, thresholds)
-    if max(moved, jumped) < 1.0:
+    depth_m = float(np.median([f.depth_m for _, f in run]))
+    if max(_effect(_combined([f for _, f in run]), depth_m, thresholds)) < 1.0:
         return None
+    alike = _run(run, lambda f: _alike(f, run[-1][1], thresholds))
+    change = _combined([f for _, f in alike])
+    moved, jumped = _effect(change, depth_m, thresholds)
     state = State.MOVED if moved > jumped else State.CLOCK
     state = State.BOTH if min(moved, jumped) >= 1.0 else state
-    suspects = frozenset.intersection(*(frozenset(f.rivals) for _, f in run))
-    alike = _run(run, lambda f: _alike(f, run[-1][1], thresholds))
+    rivals = frozenset.intersection(*(frozenset(f.rivals) for _, f in run))
+    suspects = tuple(sorted({measured.name, *rivals})) if rivals else _pair(run[-1][0])
     since_s = _since(alike[0][0], measured) if len(alike) == len(run) else alike[0][0].end_s
     return replace(
         _alarm(measured, state, since_s),
         rotation_deg=math.degrees(float(np.linalg.norm(change[ROTATION]))),
         shift_m=float(np.linalg.norm(change[SHIFT])),
         clock_jump_s=-float(change[CLOCK]),
-        suspects=tuple(sorted({measured.name, *suspects})) if suspects else (),
+        suspects=suspects,
     )
+
+
+def _pair(span: Span) -> tuple[str, ...]:
+    """Two cameras, if there are no more: it cannot be told which of them has changed."""
+    return tuple(sorted(span.findings)) if len(span.findings) == 2 else ()
 
 
 def _alike(a: Finding, b: Finding, thresholds: Thresholds) -> bool:
