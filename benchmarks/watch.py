@@ -30,16 +30,8 @@ from stcalib_ros.core.excerpt import excerpt
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import CameraChange, Scene, SceneOptions, simulate
 from stcalib_ros.core.types import Calibration, Recording, Status
-from stcalib_ros.core.watch.verdict import (
-    KEPT_SPANS,
-    SPAN_S,
-    Span,
-    State,
-    Thresholds,
-    Verdict,
-    examine,
-    judge,
-)
+from stcalib_ros.core.watch.span import SPAN_S, Span, examine
+from stcalib_ros.core.watch.verdict import KEPT_SPANS, State, Thresholds, Verdict, judge
 from stcalib_ros.io.mocap import shipped_clips
 
 FPS = 30.0

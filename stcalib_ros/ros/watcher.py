@@ -11,16 +11,8 @@ import numpy as np
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.types import Calibration
-from stcalib_ros.core.watch.verdict import (
-    KEPT_SPANS,
-    SPAN_S,
-    Span,
-    State,
-    Thresholds,
-    Verdict,
-    examine,
-    judge,
-)
+from stcalib_ros.core.watch.span import SPAN_S, Span, examine
+from stcalib_ros.core.watch.verdict import KEPT_SPANS, State, Thresholds, Verdict, judge
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
 from stcalib_ros.io.messages import NS
 

@@ -11,7 +11,8 @@ import pytest
 
 from stcalib_ros.core.synthetic import CameraChange, Scene, SceneOptions, simulate
 from stcalib_ros.core.types import CameraRecording
-from stcalib_ros.core.watch.verdict import SPAN_S, State, Thresholds, Verdict
+from stcalib_ros.core.watch.span import SPAN_S
+from stcalib_ros.core.watch.verdict import State, Thresholds, Verdict
 from stcalib_ros.io.assemble import CameraImages
 from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage
 from stcalib_ros.ros.watcher import Watcher

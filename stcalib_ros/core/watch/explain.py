@@ -23,10 +23,11 @@ _CORRELATED = 60.0
 _PRIOR = np.repeat([0.3, 0.3, 0.5], [3, 3, 1])
 """Standard deviations of what may have happened: rad, m, s."""
 _MIN_POINTS = 40
-_WORTH_CORRECTING = 1.0
+WORTH_CORRECTING = 1.0
+"""Gain of a change from which on the others are judged with it."""
 _RIVAL = 0.7
 _ALTERNATIONS = 3
-_FITS = 2.0
+_FITS = 1.5
 _FITS_PX = 12.0
 
 ROTATION, SHIFT, CLOCK = slice(0, 3), slice(3, 6), 6
@@ -106,7 +107,7 @@ def explain(sightings: Sightings, promised_px: FloatArray) -> tuple[Finding, ...
     left = set(range(C))
     for _ in range(C // 2):
         worst = max(sorted(left), key=lambda c: fits[c].gain)
-        if fits[worst].gain < _WORTH_CORRECTING:
+        if fits[worst].gain < WORTH_CORRECTING:
             break
         left.remove(worst)
         changes[worst] = fits[worst].change
@@ -117,7 +118,7 @@ def explain(sightings: Sightings, promised_px: FloatArray) -> tuple[Finding, ...
         for c in sorted(left):
             fit = best_fit(given, c, noise[c])
             if fits[c].gain >= _RIVAL * fits[worst].gain and (
-                fit.gain < _WORTH_CORRECTING or C == 2
+                fit.gain < WORTH_CORRECTING or C == 2
             ):
                 alike[c].add(worst)
                 alike[worst].add(c)

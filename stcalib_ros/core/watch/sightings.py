@@ -50,6 +50,8 @@ class Sightings:
         The C cameras.
     rig : Rig
         Of the calibration, metres; all on the reference clock.
+    metres_per_unit : float
+        Size of the unit of length of the calibration, by the size of the people.
     start_s, end_s : float
         By the reference clock, seconds since the Unix epoch.
     x : (C, N, K, J, 3) ndarray
@@ -72,6 +74,7 @@ class Sightings:
 
     names: tuple[str, ...]
     rig: Rig
+    metres_per_unit: float
     start_s: float
     end_s: float
     x: FloatArray
@@ -117,8 +120,9 @@ def sight(recording: Recording, calibration: Calibration, *, min_score: float) -
         )
     ]
     rig = _rig(poses)
-    rig = replace(rig, t_ref_cam=rig.t_ref_cam * metres_per_unit(lifted, rig))
-    return _sightings(thinned, lifted, rig)
+    unit_m = metres_per_unit(lifted, rig)
+    rig = replace(rig, t_ref_cam=rig.t_ref_cam * unit_m)
+    return _sightings(thinned, lifted, rig, unit_m)
 
 
 def _thinned(camera: CameraRecording) -> CameraRecording:
@@ -219,7 +223,9 @@ def _body(
     return at(centre)
 
 
-def _sightings(recording: Recording, cameras: Sequence[LiftedCamera], rig: Rig) -> Sightings:
+def _sightings(
+    recording: Recording, cameras: Sequence[LiftedCamera], rig: Rig, unit_m: float
+) -> Sightings:
     start, end = _span(cameras)
     found = associate(
         cameras, rig, step_s=(end - start + 1e-3) / _SLOT_SAMPLES, floor_px=_TOLERANCE_PX
@@ -256,6 +262,7 @@ def _sightings(recording: Recording, cameras: Sequence[LiftedCamera], rig: Rig) 
     return Sightings(
         tuple(camera.name for camera in cameras),
         rig,
+        unit_m,
         epoch + start,
         epoch + end,
         x,

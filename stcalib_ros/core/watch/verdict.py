@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
-from stcalib_ros.core.types import Calibration, FloatArray, Recording
-from stcalib_ros.core.watch.explain import CLOCK, ROTATION, SHIFT, Finding, explain, explains
-from stcalib_ros.core.watch.sightings import sight
+from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.watch.explain import CLOCK, ROTATION, SHIFT, Finding, explains
+from stcalib_ros.core.watch.span import Span
 
-SPAN_S = 2.0
-"""Length of a span of time that is looked at as one."""
 KEPT_SPANS = 5
 _RECENT = 4
 _CONFIRMED = 2
@@ -24,7 +22,7 @@ _MIN_SPAN_GAIN = 0.3
 _HALF = 0.5
 _MAX_MATCHED = 0.1
 _MIN_EXPECTED = 5
-_DISAGREES = 3.0
+_DISAGREES = 2.5
 _DISAGREES_PX = 20.0
 _BLIND = 0.9
 
@@ -128,75 +126,6 @@ class Verdict:
         }[self.state]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Span:
-    """What one span of time says.
-
-    Attributes
-    ----------
-    start_s, end_s : float
-        By the reference clock, seconds since the Unix epoch.
-    findings : mapping of str to Finding
-        By camera; of those that had images.
-    away_s : mapping of str to float
-        Of cameras whose images do arrive, but with stamps so far ahead of those of the others.
-    """
-
-    start_s: float
-    end_s: float
-    findings: Mapping[str, Finding]
-    away_s: Mapping[str, float] = field(default_factory=dict)
-
-
-def examine(
-    recording: Recording,
-    calibration: Calibration,
-    *,
-    start_s: float,
-    end_s: float,
-    min_score: float,
-    away_s: Mapping[str, float] | None = None,
-) -> Span:
-    """Hold the images of a span of time to a calibration.
-
-    Parameters
-    ----------
-    recording : Recording
-        The images of that span.
-    calibration : Calibration
-    start_s, end_s : float
-        Of the span, reference clock, seconds since the Unix epoch.
-    min_score : float
-        Joints with a lower score are not used.
-    away_s : mapping of str to float, optional
-        See `Span`.
-
-    Raises
-    ------
-    InputError
-        The layouts of the cameras have too little in common.
-    """
-    seen = sight(recording, calibration, min_score=min_score)
-    findings = (
-        {}
-        if seen is None
-        else dict(zip(seen.names, explain(seen, promised(calibration, seen.names)), strict=True))
-    )
-    return Span(start_s, end_s, findings, dict(away_s or {}))
-
-
-def promised(calibration: Calibration, names: Sequence[str]) -> FloatArray:
-    """Epipolar distance (C, C), px rms, of every two cameras; of all where a pair has none."""
-    index = {name: i for i, name in enumerate(names)}
-    usual = calibration.reprojection_rms_px
-    out = np.full((len(names), len(names)), usual if np.isfinite(usual) else 0.0)
-    for pair in calibration.pairs:
-        if {pair.camera_a, pair.camera_b} <= index.keys() and np.isfinite(pair.epipolar_rms_px):
-            a, b = index[pair.camera_a], index[pair.camera_b]
-            out[a, b] = out[b, a] = pair.epipolar_rms_px
-    return out
-
-
 def judge(
     spans: Sequence[Span], before: Mapping[str, Verdict], thresholds: Thresholds
 ) -> dict[str, Verdict]:
@@ -279,9 +208,8 @@ def _run_of(values: Sequence[bool]) -> int:
 
 def _lost(f: Finding) -> bool:
     unmatched = f.expected >= _MIN_EXPECTED and f.matched <= _MAX_MATCHED * f.expected
-    return (unmatched and not f.fit.n_points) or f.fit.after_px > max(
-        _DISAGREES * f.promised_px, _DISAGREES_PX
-    )
+    far = f.fit.before_px > max(_DISAGREES * f.promised_px, _DISAGREES_PX)
+    return (unmatched and not f.fit.n_points) or (far and not explains(f.fit, f.promised_px))
 
 
 def _effect(change: FloatArray, depth_m: float, thresholds: Thresholds) -> tuple[float, float]:

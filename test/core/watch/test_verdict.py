@@ -7,16 +7,8 @@ import pytest
 
 from stcalib_ros.core.types import PairResidual
 from stcalib_ros.core.watch.explain import Finding, Fit
-from stcalib_ros.core.watch.verdict import (
-    KEPT_SPANS,
-    SPAN_S,
-    Span,
-    State,
-    Thresholds,
-    Verdict,
-    judge,
-    promised,
-)
+from stcalib_ros.core.watch.span import SPAN_S, Span, promised
+from stcalib_ros.core.watch.verdict import KEPT_SPANS, State, Thresholds, Verdict, judge
 
 NAMES = ("cam0", "cam1", "cam2")
 INFORMATION = np.diag([1e5, 1e5, 1e5, 0.0, 0.0, 0.0, 1e4])
@@ -35,7 +27,7 @@ def finding(
     n_points=500,
 ):
     change = np.array([0.0, math.radians(turn_deg), 0.0, 0.0, 0.0, 0.0, clock_s])
-    before_px = after_px + 10.0 * bool(gain)
+    before_px = after_px + 10.0 * (gain > 0.5)
     fit = Fit(change, INFORMATION, before_px, after_px, gain, n_points)
     return Finding(fit, 6.0, 4.0, K, K - blind, matched, blind, tuple(rivals))
 
