@@ -23,10 +23,14 @@ _CORRELATED = 60.0
 _PRIOR = np.repeat([0.3, 0.3, 0.5], [3, 3, 1])
 """Standard deviations of what may have happened: rad, m, s."""
 _MIN_POINTS = 40
+_MAX_POINTS = 900
+"""Of one camera beside all others; of more, a part is compared that stands for all."""
 WORTH_CORRECTING = 1.0
 """Gain of a change from which on the others are judged with it."""
 _RIVAL = 0.7
 _ALTERNATIONS = 3
+_RMS = 1.48
+"""Root mean square of inliers over the median."""
 _FITS = 1.5
 _FITS_PX = 12.0
 
@@ -174,7 +178,8 @@ def best_fit(sightings: Sightings, c: int, noise_px: FloatArray) -> Fit:
     """A turn and a jump of the clock; a displacement, too, where that explains clearly more."""
     points = _Points.of(sightings, c, noise_px)
     turned = fit_change(points, _TURN_AND_CLOCK)
-    if turned.n_points < _MIN_POINTS:
+    promise_holds = _RMS * turned.before_px <= float(np.median(noise_px))
+    if turned.n_points < _MIN_POINTS or promise_holds:
         return turned
     moved = fit_change(points, _EVERYTHING)
     return moved if moved.gain > 1.15 * turned.gain + 0.5 else turned
@@ -183,15 +188,16 @@ def best_fit(sightings: Sightings, c: int, noise_px: FloatArray) -> Fit:
 def fit_change(points: _Points, parameters: IntArray) -> Fit:
     """Fit those of the seven parameters that are named; the others are held at 0."""
     zero, none = np.zeros(7), np.zeros((7, 7))
-    n = len(points.x)
-    if n < _MIN_POINTS:
-        return Fit(zero, none, np.nan, np.nan, 0.0, n)
+    M, n = len(points.x), points.n
+    if M < _MIN_POINTS:
+        return Fit(zero, none, np.nan, np.nan, 0.0, M)
+    independent = n / M / _CORRELATED
     free = np.ix_(parameters, parameters)
     change, (start, J) = zero, points.residuals(zero)
     r = start
     for _ in range(_ITERATIONS):
         scale = np.maximum(points.noise, 1.5 * 1.48 * np.median(np.abs(r)))
-        w = 1.0 / (scale**2 + r**2) / _CORRELATED
+        w = independent / (scale**2 + r**2)
         A = (J.T * w) @ J + np.diag(_PRIOR**-2.0)
         g = (J.T * w) @ r + change / _PRIOR**2
         step = np.zeros(7)
@@ -201,12 +207,12 @@ def fit_change(points: _Points, parameters: IntArray) -> Fit:
         if np.abs(step / _SETTLED).max() < 1.0:
             break
     gain = np.log1p((start / points.noise) ** 2) - np.log1p((r / points.noise) ** 2)
-    total = float(gain.sum()) / _CORRELATED / 2.0
+    total = 0.5 * independent * float(gain.sum())
     before, after = (float(np.median(np.abs(values))) for values in (start, r))
     if total <= 0:
         change, total, after = zero, 0.0, before
     information = none.copy()
-    information[free] = ((J.T / (points.noise**2 + r**2) / _CORRELATED) @ J)[free]
+    information[free] = ((J.T * independent / (points.noise**2 + r**2)) @ J)[free]
     return Fit(change, information, before, after, total, n)
 
 
@@ -227,12 +233,18 @@ class _Points:
     R: FloatArray  # (M, 3, 3) optical frame of the other to that of this camera
     focal: FloatArray  # (M,)
     noise: FloatArray  # (M,)
+    n: int  # for which the M stand
 
     @staticmethod
     def of(s: Sightings, c: int, noise_px: FloatArray) -> _Points:
         others = [j for j in range(len(s.names)) if j != c]
         parts = [_pair(s, c, j, float(noise_px[j])) for j in others]
-        return _Points(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        n = sum(len(part[0]) for part in parts)
+        stride = max(1, -(-n // _MAX_POINTS))
+        x, v, y, t, other, R, focal, noise = (
+            np.concatenate(column)[::stride] for column in zip(*parts, strict=True)
+        )
+        return _Points(x, v, y, t, other, R, focal, noise, n)
 
     def residuals(self, change: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signed Sampson distances (M,), px, and their derivatives (M, 7)."""

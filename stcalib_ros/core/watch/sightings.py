@@ -31,8 +31,8 @@ _SLOT_SAMPLES = 50
 _TOLERANCE_PX = 40.0
 _MAX_JOINT_SAMPLES = 4000
 """Joints of all persons in one camera; with more people, fewer joints of each are compared."""
-_SCALE_SAMPLES = 8
-_MAX_SCALES = 200
+_SCALE_SAMPLES = 4
+_MAX_SCALES = 50
 _SAME_PLACE_M = 0.5
 _NEAREST_M = 0.3
 _FAR_M = 2.0
@@ -116,7 +116,7 @@ def sight(recording: Recording, calibration: Calibration, *, min_score: float) -
     lifted = [
         _on_reference_clock(camera, pose, since_epoch_s)
         for camera, pose in zip(
-            lift_recording(thinned, skeleton, min_score=min_score), poses, strict=True
+            lift_recording(thinned, skeleton, min_score=min_score, steps=0), poses, strict=True
         )
     ]
     rig = _rig(poses)
@@ -190,8 +190,10 @@ def metres_per_unit(cameras: Sequence[LiftedCamera], rig: Rig) -> float:
     for a in range(len(cameras)):
         for b in range(a + 1, len(cameras)):
             difference = bodies[b][None] - bodies[a][:, None]
-            both = np.isfinite(difference[..., 0]).any(-1)
-            found = np.nanmedian(difference[both], axis=1)
+            both = np.isfinite(difference[..., 0])
+            count = both.sum(-1)
+            total = np.where(both[..., None], difference, 0.0).sum(2)
+            found = total[count > 0] / count[count > 0][:, None]
             apart.append(found)
             baseline.append(np.tile(rig.t_ref_cam[a] - rig.t_ref_cam[b], (len(found), 1)))
     D, t = np.concatenate(apart), np.concatenate(baseline)

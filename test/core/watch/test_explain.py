@@ -142,7 +142,7 @@ def test_derivatives_are_those_of_the_residuals(seed, change):
     v = np.concatenate([rng.standard_normal((6, 2)), np.zeros((6, 1))], axis=1)
     t = np.tile(rng.standard_normal(3) + np.array([3.0, 0.0, 0.0]), (6, 1))
     points = _Points(
-        x, v, y @ R.T, t, y, np.tile(R, (6, 1, 1)), rng.uniform(500, 1500, 6), np.ones(6)
+        x, v, y @ R.T, t, y, np.tile(R, (6, 1, 1)), rng.uniform(500, 1500, 6), np.ones(6), 6
     )
     r, J = points.residuals(np.zeros(7))
     # The scale of the Sampson distance is held in the derivative: exact where the residual is 0.
