@@ -212,7 +212,7 @@ class Calibrator:
     def _put_in_force(self, kept: Kept, run_id: str) -> None:
         self.in_force, self._in_force_run = kept, run_id
         self._trigger.settle(True)
-        self.watcher.begin(kept.calibration)
+        self._begin_watch()
         self._publishers.publish(kept.calibration, self.message(kept.calibration, run_id))
 
     def _progressed(self) -> None:
@@ -260,9 +260,13 @@ class Calibrator:
         if wanted and self.run is None:
             self._consider()
 
+    def _begin_watch(self) -> None:
+        kept = self.in_force if self.settings.watch else None
+        self.watcher.begin(None if kept is None else kept.calibration)
+
     def _watch(self, counts: Mapping[str, Counts]) -> None:
         """Hold what arrives to the calibration in force, and say what is found; not in a run."""
-        if not self.settings.watch or self.run is not None:
+        if self.run is not None:
             return
         for verdict in self.watcher.news(self.settings.thresholds):
             self._tell(verdict)
@@ -308,7 +312,7 @@ class Calibrator:
     def _publish_diagnostics(self, counts: Mapping[str, Counts] | None = None) -> dict[str, str]:
         counts = counts or self.buffers.counts()
         prefix = self.node.get_fully_qualified_name().strip("/")
-        verdicts = self.watcher.verdicts if self.settings.watch else {}
+        verdicts = self.watcher.verdicts
         cameras = {camera.name: camera for camera in self.settings.cameras}
         lacks = {n: starvation(c, counts[n], self.node) for n, c in cameras.items()}
         solver = SolverState(
@@ -339,7 +343,9 @@ class Calibrator:
             settings = settings_from(values, node_name=self.node.get_fully_qualified_name())
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        self._values, self.settings = values, settings
+        before, self.settings, self._values = self.settings, settings, values
+        if settings.watch != before.watch:
+            self._begin_watch()
         self.buffers.set_limits(settings.limits)
         return SetParametersResult(successful=True)
 
