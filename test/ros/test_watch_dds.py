@@ -14,6 +14,8 @@ pytest.importorskip("stcalib_ros.msg", reason="the messages are not built: make 
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from live import Client, LiveNode
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 
 from stcalib_ros.core.excerpt import excerpt
 from stcalib_ros.core.geometry import rotation_angle
@@ -122,6 +124,24 @@ def test_it_calibrates_again_from_what_came_after(played, before):
     assert angles[1, 2] == pytest.approx(TURN_DEG, abs=0.3)
     changed_s = old.epoch_s + CHANGED_S
     assert new.window_s[0] > changed_s - 0.1
+
+
+def test_it_can_be_switched_off_and_on(played):
+    _, client, _, _ = played
+
+    def switch(on: bool) -> None:
+        parameters = [Parameter("watch", value=on).to_parameter_msg()]
+        assert (
+            client.answer(SetParameters, "set_parameters", parameters=parameters)
+            .results[0]
+            .successful
+        )
+
+    switch(False)
+    client.wait(lambda: client.status("camera cam1")["watch"] == "off", "the end of the watch")
+    switch(True)
+    client.wait(lambda: client.status("camera cam1")["watch"] != "off", "the watch")
+    assert "cam" not in client.status("camera cam1")["message"]
 
 
 def turned(old: Calibration, new: Calibration, pair: tuple[int, int]) -> float:

@@ -228,7 +228,7 @@ def _suspicious(f: Finding, thresholds: Thresholds) -> bool:
 
 
 def _changed(run: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | None:
-    """Alarm if a run of suspicious spans adds up to a change."""
+    """Alarm if a run of suspicious spans adds up to a change, and the last ones agree on it."""
     gain = sum(f.fit.gain for _, f in run)
     if len(run) < _CONFIRMED or gain < _MIN_GAIN:
         return None
@@ -236,6 +236,8 @@ def _changed(run: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | 
     if max(_effect(_combined([f for _, f in run]), depth_m, thresholds)) < 1.0:
         return None
     alike = _run(run, lambda f: _alike(f, run[-1][1], thresholds))
+    if len(alike) < _CONFIRMED:
+        return None
     change = _combined([f for _, f in alike])
     moved, jumped = _effect(change, depth_m, thresholds)
     state = State.MOVED if moved > jumped else State.CLOCK
