@@ -29,8 +29,8 @@ WORTH_CORRECTING = 1.0
 """Gain of a change from which on the others are judged with it."""
 _RIVAL = 0.7
 _ALTERNATIONS = 3
-_RMS = 1.48
-"""Root mean square of inliers over the median."""
+RMS_OVER_MEDIAN = 1.48
+"""Of distances whose errors are normal."""
 _FITS = 1.5
 _FITS_PX = 12.0
 
@@ -104,33 +104,7 @@ def explain(sightings: Sightings, promised_px: FloatArray) -> tuple[Finding, ...
     """
     C = len(sightings.names)
     noise = np.maximum(promised_px, _NOISE_FLOOR_PX)
-    sightings = _believable(sightings, noise)
-    fits = [best_fit(sightings, c, noise[c]) for c in range(C)]
-    changes: dict[int, FloatArray] = {}
-    alike: dict[int, set[int]] = {c: set() for c in range(C)}
-    left = set(range(C))
-    for _ in range(C // 2):
-        worst = max(sorted(left), key=lambda c: fits[c].gain)
-        if fits[worst].gain < WORTH_CORRECTING:
-            break
-        left.remove(worst)
-        changes[worst] = fits[worst].change
-        for c in [*changes] * (_ALTERNATIONS if len(changes) > 1 else 0):
-            fits[c] = best_fit(_corrected(sightings, changes, but=c), c, noise[c])
-            changes[c] = fits[c].change
-        given = _corrected(sightings, changes)
-        for c in sorted(left):
-            fit = best_fit(given, c, noise[c])
-            if fits[c].gain >= _RIVAL * fits[worst].gain and (
-                fit.gain < WORTH_CORRECTING or C == 2
-            ):
-                alike[c].add(worst)
-                alike[worst].add(c)
-                left.remove(c)
-            else:
-                fits[c] = fit
-        if not left:
-            break
+    fits, alike = _attributed(_believable(sightings, noise), noise)
     return tuple(
         Finding(
             fits[c],
@@ -146,11 +120,36 @@ def explain(sightings: Sightings, promised_px: FloatArray) -> tuple[Finding, ...
     )
 
 
-def _believable(s: Sightings, noise: FloatArray) -> Sightings:
-    """The same without tentative persons whom no change of their camera brings to where they are.
+def _attributed(s: Sightings, noise: FloatArray) -> tuple[list[Fit], list[set[int]]]:
+    """Fits of all cameras, and for each those that explain the same as well."""
+    C = len(s.names)
+    fits = [best_fit(s, c, noise[c]) for c in range(C)]
+    changes: dict[int, FloatArray] = {}
+    alike: list[set[int]] = [set() for _ in range(C)]
+    left = set(range(C))
+    for _ in range(C // 2):
+        worst = max(sorted(left), key=lambda c: fits[c].gain, default=-1)
+        if worst < 0 or fits[worst].gain < WORTH_CORRECTING:
+            break
+        left.remove(worst)
+        changes[worst] = fits[worst].change
+        for c in [*changes] * (_ALTERNATIONS if len(changes) > 1 else 0):
+            fits[c] = best_fit(_corrected(s, changes, but=c), c, noise[c])
+            changes[c] = fits[c].change
+        given = _corrected(s, changes)
+        for c in sorted(left):
+            fit, close = best_fit(given, c, noise[c]), fits[c].gain >= _RIVAL * fits[worst].gain
+            if close and (fit.gain < WORTH_CORRECTING or C == 2):
+                alike[c].add(worst)
+                alike[worst].add(c)
+                left.remove(c)
+            else:
+                fits[c] = fit
+    return fits, alike
 
-    The worse the guess, the more the fit leaves; with two cameras, either may have changed.
-    """
+
+def _believable(s: Sightings, noise: FloatArray) -> Sightings:
+    """The same without tentative persons whom no change of their camera makes fit."""
     x = s.x.copy()
     for c in np.flatnonzero(s.tentative).tolist():
         if not explains(best_fit(s, c, noise[c]), float(np.median(np.delete(noise[c], c)))):
@@ -178,7 +177,7 @@ def best_fit(sightings: Sightings, c: int, noise_px: FloatArray) -> Fit:
     """A turn and a jump of the clock; a displacement, too, where that explains clearly more."""
     points = _Points.of(sightings, c, noise_px)
     turned = fit_change(points, _TURN_AND_CLOCK)
-    promise_holds = _RMS * turned.before_px <= float(np.median(noise_px))
+    promise_holds = RMS_OVER_MEDIAN * turned.before_px <= float(np.median(noise_px))
     if turned.n_points < _MIN_POINTS or promise_holds:
         return turned
     moved = fit_change(points, _EVERYTHING)
@@ -196,7 +195,7 @@ def fit_change(points: _Points, parameters: IntArray) -> Fit:
     change, (start, J) = zero, points.residuals(zero)
     r = start
     for _ in range(_ITERATIONS):
-        scale = np.maximum(points.noise, 1.5 * 1.48 * np.median(np.abs(r)))
+        scale = np.maximum(points.noise, 1.5 * RMS_OVER_MEDIAN * np.median(np.abs(r)))
         w = independent / (scale**2 + r**2)
         A = (J.T * w) @ J + np.diag(_PRIOR**-2.0)
         g = (J.T * w) @ r + change / _PRIOR**2

@@ -10,7 +10,14 @@ from enum import Enum
 import numpy as np
 
 from stcalib_ros.core.types import FloatArray
-from stcalib_ros.core.watch.explain import CLOCK, ROTATION, SHIFT, Finding, explains
+from stcalib_ros.core.watch.explain import (
+    CLOCK,
+    RMS_OVER_MEDIAN,
+    ROTATION,
+    SHIFT,
+    Finding,
+    explains,
+)
 from stcalib_ros.core.watch.span import Span
 
 KEPT_SPANS = 5
@@ -156,7 +163,9 @@ def _verdict(spans: Sequence[Span], before: Verdict, thresholds: Thresholds) -> 
     if not own:
         return before
     last = own[-1][1]
-    measured = replace(before, residual_px=_RMS * last.fit.before_px, promised_px=last.promised_px)
+    measured = replace(
+        before, residual_px=RMS_OVER_MEDIAN * last.fit.before_px, promised_px=last.promised_px
+    )
     run = _run(own, lambda f: _suspicious(f, thresholds))
     changed = _changed(run[-_RECENT:], measured, thresholds)
     return changed or _gone(own, measured, thresholds) or _calmed(own, measured, thresholds)
@@ -169,7 +178,7 @@ def _gone(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | Non
         since_s = _since(lost[0][0], measured)
         return _alarm(measured, State.LOST, since_s, suspects=_pair(lost[-1][0]))
     blind = _run(own, lambda f: f.blind >= _BLIND * f.moments)
-    if len(blind) >= KEPT_SPANS:
+    if len(blind) >= KEPT_SPANS and not measured.state.changed:
         return _alarm(measured, State.BLIND, _since(blind[0][0], measured))
     return None
 
@@ -188,9 +197,6 @@ def _calmed(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict:
         shift_m=float(np.linalg.norm(change[SHIFT])),
         clock_jump_s=-float(change[CLOCK]),
     )
-
-
-_RMS = 1.48
 
 
 _Own = Sequence[tuple[Span, Finding]]

@@ -148,6 +148,7 @@ def test_who_sees_nobody_for_very_long_is_blind():
     found = states(GOOD, *[BLIND] * KEPT_SPANS)
     assert found[-2:] == [State.OK, State.BLIND]
     assert not State.BLIND.changed
+    assert states(TURNED, TURNED, *[BLIND] * 9)[-1] is State.MOVED, "what is known stays so"
 
 
 def test_two_cameras_name_each_other():
