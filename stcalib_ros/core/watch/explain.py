@@ -27,6 +27,9 @@ _MAX_POINTS = 900
 """Of one camera beside all others; of more, a part is compared that stands for all."""
 WORTH_CORRECTING = 1.0
 """Gain of a change from which on the others are judged with it."""
+_WORTH_A_SHIFT = 1.0
+"""Turn and shift can stand in for one another: where a calibration knows their difference badly,
+people at other places than those it was made from gain a little by both."""
 _RIVAL = 0.7
 _ALTERNATIONS = 3
 RMS_OVER_MEDIAN = 1.48
@@ -181,7 +184,7 @@ def best_fit(sightings: Sightings, c: int, noise_px: FloatArray) -> Fit:
     if turned.n_points < _MIN_POINTS or promise_holds:
         return turned
     moved = fit_change(points, _EVERYTHING)
-    return moved if moved.gain > 1.15 * turned.gain + 0.5 else turned
+    return moved if moved.gain > 1.15 * turned.gain + _WORTH_A_SHIFT else turned
 
 
 def fit_change(points: _Points, parameters: IntArray) -> Fit:

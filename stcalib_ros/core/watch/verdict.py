@@ -25,6 +25,7 @@ _RECENT = 4
 _CONFIRMED = 2
 _LOST_SPANS = 3
 _MIN_GAIN = 3.0
+_MIN_SHIFT_GAIN = 6.0
 _MIN_SPAN_GAIN = 0.3
 _HALF = 0.5
 _MAX_MATCHED = 0.1
@@ -236,7 +237,8 @@ def _suspicious(f: Finding, thresholds: Thresholds) -> bool:
 def _changed(run: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | None:
     """Alarm if a run of suspicious spans adds up to a change, and the last ones agree on it."""
     gain = sum(f.fit.gain for _, f in run)
-    if len(run) < _CONFIRMED or gain < _MIN_GAIN:
+    needed = _MIN_SHIFT_GAIN if any(f.fit.change[SHIFT].any() for _, f in run) else _MIN_GAIN
+    if len(run) < _CONFIRMED or gain < needed:
         return None
     depth_m = float(np.median([f.depth_m for _, f in run]))
     if max(_effect(_combined([f for _, f in run]), depth_m, thresholds)) < 1.0:
