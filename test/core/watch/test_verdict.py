@@ -11,13 +11,14 @@ from stcalib_ros.core.watch.span import SPAN_S, Span, promised
 from stcalib_ros.core.watch.verdict import KEPT_SPANS, State, Thresholds, Verdict, judge
 
 NAMES = ("cam0", "cam1", "cam2")
-INFORMATION = np.diag([1e5, 1e5, 1e5, 0.0, 0.0, 0.0, 1e4])
+INFORMATION = np.diag([1e5, 1e5, 1e5, 1e4, 1e4, 1e4, 1e4])
 K = 10
 
 
 def finding(
     turn_deg=0.0,
     *,
+    shift_m=0.0,
     clock_s=0.0,
     gain=0.0,
     after_px=4.0,
@@ -26,7 +27,7 @@ def finding(
     rivals=(),
     n_points=500,
 ):
-    change = np.array([0.0, math.radians(turn_deg), 0.0, 0.0, 0.0, 0.0, clock_s])
+    change = np.array([0.0, math.radians(turn_deg), 0.0, shift_m, 0.0, 0.0, clock_s])
     before_px = after_px + 10.0 * (gain > 0.5)
     fit = Fit(change, INFORMATION, before_px, after_px, gain, n_points)
     return Finding(fit, 6.0, 4.0, K, K - blind, matched, blind, tuple(rivals))
@@ -105,6 +106,14 @@ def test_thresholds_can_be_changed():
 
 def test_weak_evidence_adds_up():
     assert states(*[finding(2.0, gain=0.9)] * 4) == [*[State.UNKNOWN] * 3, State.MOVED]
+
+
+def test_a_displacement_beside_a_turn_needs_more_evidence():
+    shifted = finding(1.2, shift_m=0.08, gain=0.9)
+    assert not any(state.alarm for state in states(*[shifted] * 8))
+    clear = finding(1.2, shift_m=0.08, gain=3.5)
+    assert states(clear, clear)[-1] is State.MOVED
+    assert "and shifted by 0.08 m" in told(clear, clear)[-1].sentence()
 
 
 def test_data_of_the_span_of_the_change_is_not_used():
