@@ -58,17 +58,20 @@ class LiftedCamera:
 
 
 def lift_recording(
-    recording: Recording, skeleton: Skeleton, *, min_score: float
+    recording: Recording, skeleton: Skeleton, *, min_score: float, steps: int = 2
 ) -> tuple[LiftedCamera, ...]:
-    """Lift every track of every camera; tracks that cannot be lifted at all are left out."""
+    """Lift every track of every camera; tracks that cannot be lifted at all are left out.
+
+    `steps` are those of `lift`.
+    """
     return tuple(
-        _lift_camera(camera, columns, skeleton, min_score)
+        _lift_camera(camera, columns, skeleton, min_score, steps)
         for camera, columns in zip(recording.cameras, skeleton.columns, strict=True)
     )
 
 
 def _lift_camera(
-    camera: CameraRecording, columns: IntArray, skeleton: Skeleton, min_score: float
+    camera: CameraRecording, columns: IntArray, skeleton: Skeleton, min_score: float, steps: int
 ) -> LiftedCamera:
     tracks = []
     for track in camera.tracks:
@@ -78,7 +81,7 @@ def _lift_camera(
         joints = track.joints[:, columns]
         if not camera.metric:
             joints = joints * _body_scale(joints, skeleton)
-        joints_cam = lift(joints, x)
+        joints_cam = lift(joints, x, steps=steps)
         usable = np.isfinite(joints_cam).any((1, 2))
         if usable.any():
             tracks.append(

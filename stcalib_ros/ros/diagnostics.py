@@ -8,6 +8,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from stcalib_ros.core.watch.verdict import Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts
 from stcalib_ros.ros.worker import Step
@@ -62,11 +63,20 @@ def publishers_of(node: Any, topic: str) -> str:
     return f"{name} is published by {', '.join(described)}"
 
 
-def camera_status(prefix: str, camera: SelectedCamera, counts: Counts, lack: str) -> Any:
-    """Status of one camera; a starved one is an error, one that drops messages a warning."""
+def camera_status(
+    prefix: str, camera: SelectedCamera, counts: Counts, lack: str, verdict: Verdict | None
+) -> Any:
+    """Status of one camera.
+
+    One that is starved, or for which the calibration does not hold any more, is an error; one that
+    drops messages or sees nobody a warning.
+    """
     level, message = DiagnosticStatus.OK, "receiving"
     if lack:
         level, message = DiagnosticStatus.ERROR, lack
+    elif verdict is not None and verdict.state.alarm:
+        level = DiagnosticStatus.ERROR if verdict.state.changed else DiagnosticStatus.WARN
+        message = verdict.sentence()
     elif counts.dropped:
         level, message = DiagnosticStatus.WARN, f"dropped messages: {counts.last_problem}"
     values = {
@@ -80,8 +90,23 @@ def camera_status(prefix: str, camera: SelectedCamera, counts: Counts, lack: str
         "dropped": counts.dropped,
         "flushes": counts.flushes,
         "last_problem": counts.last_problem,
+        **_watch_values(verdict),
     }
     return _status(f"{prefix}: camera {camera.name}", level, message, values)
+
+
+def _watch_values(verdict: Verdict | None) -> dict[str, str]:
+    """What the watch says of a camera; None: it is not watched."""
+    if verdict is None:
+        return {"watch": "off"}
+    return {
+        "watch": verdict.state.value,
+        "watch_rotation_deg": f"{verdict.rotation_deg:.2f}",
+        "watch_shift_m": f"{verdict.shift_m:.3f}",
+        "watch_clock_ms": f"{1e3 * verdict.clock_jump_s:.0f}",
+        "watch_residual_px": f"{verdict.residual_px:.1f}",
+        "watch_promised_px": f"{verdict.promised_px:.1f}",
+    }
 
 
 def solver_status(prefix: str, solver: SolverState) -> Any:

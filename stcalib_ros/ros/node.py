@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,9 +26,10 @@ from sensor_msgs.msg import CameraInfo
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.support import replaces
 from stcalib_ros.core.types import Calibration, Status
+from stcalib_ros.core.watch.verdict import Verdict
 from stcalib_ros.io.history import History, Kept
 from stcalib_ros.msg import CalibrationResult, PersonPose3DArray
-from stcalib_ros.ros.buffers import Buffers
+from stcalib_ros.ros.buffers import Buffers, Counts
 from stcalib_ros.ros.convert import calibration_result, time_message
 from stcalib_ros.ros.diagnostics import (
     STARVED_S,
@@ -41,6 +42,7 @@ from stcalib_ros.ros.parameters import declare, settings_from
 from stcalib_ros.ros.publishers import Publishers
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
 from stcalib_ros.ros.services import Services
+from stcalib_ros.ros.watcher import Watcher
 from stcalib_ros.ros.worker import Job, Outcome, Step, Worker, failure
 
 _REPEAT_S = 5.0
@@ -88,6 +90,7 @@ class Calibrator:
         self._trigger = Trigger()
         self._guard = node.create_guard_condition(self._progressed)
         self.worker = Worker(self._guard.trigger, self.log.warning)
+        self.watcher = Watcher(self.log.warning)
         self._publishers = Publishers(node, self.settings)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._subscribe()
@@ -113,7 +116,8 @@ class Calibrator:
         cameras : iterable of str
             Cameras to use; none: all.
         start_s, end_s : float
-            First and last stamp to use, by the reference clock.
+            First and last stamp to use, by the reference clock. Without the first, nothing is used
+            from before the last change of a camera that the watch has noticed.
         requested : bool
             A person asked for it.
         feedback : callable, optional
@@ -128,6 +132,8 @@ class Calibrator:
                 Status.INSUFFICIENT_DATA,
                 f"not started: no camera {', '.join(unknown)}; there are {', '.join(known)}",
             )
+        if start_s == -math.inf:
+            start_s = self.watcher.changed_s
         images = self.buffers.snapshot(
             names, start_s=start_s, end_s=end_s, offsets_s=self._offsets()
         )
@@ -141,7 +147,8 @@ class Calibrator:
         run = Run(uuid.uuid4().hex[:12], Future(), feedback)
         self.run = run
         self.log.info(f"run {run.run_id} starts with {', '.join(c.name for c in images)}")
-        self.worker.start(Job(run.run_id, images, self.settings.options, requested))
+        wrong = self.watcher.complaint if start_s >= self.watcher.changed_s else ""
+        self.worker.start(Job(run.run_id, images, self.settings.options, requested, wrong))
         self._publish_diagnostics()
         return run
 
@@ -205,6 +212,7 @@ class Calibrator:
     def _put_in_force(self, kept: Kept, run_id: str) -> None:
         self.in_force, self._in_force_run = kept, run_id
         self._trigger.settle(True)
+        self._begin_watch()
         self._publishers.publish(kept.calibration, self.message(kept.calibration, run_id))
 
     def _progressed(self) -> None:
@@ -218,7 +226,7 @@ class Calibrator:
     def _conclude(self, outcome: Outcome) -> None:
         job, calibration = outcome.job, outcome.calibration
         old = None if self.in_force is None else self.in_force.calibration
-        taken, reason = replaces(calibration, old, requested=job.requested)
+        taken, reason = replaces(calibration, old, requested=job.requested, wrong=job.wrong)
         if taken:
             self._take(calibration, job.run_id)
             verdict = f"in force, since {reason}"
@@ -241,17 +249,56 @@ class Calibrator:
         self._put_in_force(Kept(number, calibration), run_id)
 
     def _every_second(self) -> None:
-        lacks = self._publish_diagnostics()
+        counts = self.buffers.counts()
+        self._watch(counts)
+        lacks = self._publish_diagnostics(counts)
         if starved := "; ".join(f"camera {name} {lack}" for name, lack in lacks.items() if lack):
             self._say("starved", starved, every_s=_REPEAT_STARVED_S)
-        if self.settings.auto_calibrate and self.run is None:
+        wanted = self.settings.auto_calibrate or (
+            self.settings.auto_recalibrate and self.watcher.complaint
+        )
+        if wanted and self.run is None:
             self._consider()
 
+    def _begin_watch(self) -> None:
+        kept = self.in_force if self.settings.watch else None
+        self.watcher.begin(None if kept is None else kept.calibration)
+
+    def _watch(self, counts: Mapping[str, Counts]) -> None:
+        """Hold what arrives to the calibration in force, and say what is found; not in a run."""
+        if self.run is not None:
+            return
+        for verdict in self.watcher.news(self.settings.thresholds):
+            self._tell(verdict)
+        self.watcher.look(
+            self.buffers.snapshot,
+            {name: count.age_s for name, count in counts.items()},
+            min_score=self.settings.options.min_score,
+        )
+
+    def _tell(self, verdict: Verdict) -> None:
+        if not verdict.state.alarm:
+            self.log.info(verdict.sentence())
+        elif not verdict.state.changed:
+            self.log.warning(verdict.sentence())
+        elif self.settings.auto_recalibrate:
+            self._trigger = Trigger()
+            self.log.error(f"{verdict.sentence()}; calibrating again as soon as people have moved")
+        else:
+            self.log.error(
+                f"{verdict.sentence()}; put it back, or let people walk and call ~/recalibrate_now"
+            )
+
     def _consider(self) -> None:
-        """Calibrate unasked, if what was seen is worth it."""
+        """Calibrate unasked, if what was seen, since something happened, is worth it."""
+        since_s = self.watcher.changed_s
+        moving = {
+            name: frozenset(second for second in seconds if second >= since_s)
+            for name, seconds in self.buffers.moving().items()
+        }
         ready = frozenset(
             ready_cameras(
-                self.buffers.moving(),
+                moving,
                 min_motion_s=self.settings.min_motion_s,
                 slack_s=2.0 * self.settings.options.offset_range_s,
             )
@@ -262,8 +309,10 @@ class Calibrator:
             self._trigger.tried(ready, now_s)
             self.start(requested=False)
 
-    def _publish_diagnostics(self) -> dict[str, str]:
-        counts, prefix = self.buffers.counts(), self.node.get_fully_qualified_name().strip("/")
+    def _publish_diagnostics(self, counts: Mapping[str, Counts] | None = None) -> dict[str, str]:
+        counts = counts or self.buffers.counts()
+        prefix = self.node.get_fully_qualified_name().strip("/")
+        verdicts = self.watcher.verdicts
         cameras = {camera.name: camera for camera in self.settings.cameras}
         lacks = {n: starvation(c, counts[n], self.node) for n, c in cameras.items()}
         solver = SolverState(
@@ -276,7 +325,10 @@ class Calibrator:
         array = DiagnosticArray(
             status=[
                 solver_status(prefix, solver),
-                *(camera_status(prefix, c, counts[n], lacks[n]) for n, c in cameras.items()),
+                *(
+                    camera_status(prefix, c, counts[n], lacks[n], verdicts.get(n))
+                    for n, c in cameras.items()
+                ),
             ]
         )
         array.header.stamp = self.node.get_clock().now().to_msg()
@@ -291,7 +343,9 @@ class Calibrator:
             settings = settings_from(values, node_name=self.node.get_fully_qualified_name())
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        self._values, self.settings = values, settings
+        before, self.settings, self._values = self.settings, settings, values
+        if settings.watch != before.watch:
+            self._begin_watch()
         self.buffers.set_limits(settings.limits)
         return SetParametersResult(successful=True)
 

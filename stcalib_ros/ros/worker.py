@@ -25,12 +25,15 @@ class Job:
     options : Options
     requested : bool
         A person asked for it.
+    wrong : str
+        Why the calibration in force does not hold any more; empty if it does.
     """
 
     run_id: str
     cameras: Sequence[CameraImages]
     options: Options
     requested: bool
+    wrong: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

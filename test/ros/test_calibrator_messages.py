@@ -16,6 +16,7 @@ from samples import STAMP, calibration
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker
 
+from stcalib_ros.core.watch.verdict import State, Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts
 from stcalib_ros.ros.diagnostics import SolverState, camera_status, solver_status
@@ -81,7 +82,7 @@ def test_nothing_gives_no_frusta():
     ],
 )
 def test_status_of_a_camera(counts, lack, level, message):
-    status = camera_status("calibrator", CAMERA, counts, lack)
+    status = camera_status("calibrator", CAMERA, counts, lack, None)
     assert (status.name, status.level, status.message) == (
         "calibrator: camera cam0",
         level,
@@ -89,6 +90,29 @@ def test_status_of_a_camera(counts, lack, level, message):
     )
     values = {v.key: v.value for v in status.values}
     assert (values["rate_hz"], values["camera_info"]) == ("30.00", "true")
+    assert values["watch"] == "off"
+
+
+@pytest.mark.parametrize(
+    ("state", "lack", "level"),
+    [
+        (State.UNKNOWN, "", DiagnosticStatus.OK),
+        (State.OK, "", DiagnosticStatus.OK),
+        (State.BLIND, "", DiagnosticStatus.WARN),
+        (State.MOVED, "", DiagnosticStatus.ERROR),
+        (State.LOST, "waits for poses", DiagnosticStatus.ERROR),
+    ],
+)
+def test_what_the_watch_says_of_a_camera(state, lack, level):
+    verdict = Verdict("cam0", state, 2.0, 0.0, 0.1, 12.0, 4.0)
+    status = camera_status("calibrator", CAMERA, COUNTS, lack, verdict)
+    values = {v.key: v.value for v in status.values}
+    assert status.level == level
+    assert values["watch"] == state.value
+    assert (values["watch_rotation_deg"], values["watch_clock_ms"]) == ("2.00", "100")
+    assert (values["watch_residual_px"], values["watch_promised_px"]) == ("12.0", "4.0")
+    expected = lack or (verdict.sentence() if state.alarm else "receiving")
+    assert status.message == expected
 
 
 @pytest.mark.parametrize(
