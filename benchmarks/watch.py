@@ -110,11 +110,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in names:
         task = partial(run, name, minutes=args.minutes)
         n = min(args.runs, _COST_RUNS) if name == "cost" else args.runs
+        scenes = range(args.first, args.first + n)
         if args.jobs == 1:
-            runs = [task(k) for k in range(n)]
+            runs = [task(k) for k in scenes]
         else:
             with ProcessPoolExecutor(args.jobs) as pool:
-                runs = list(pool.map(task, range(n)))
+                runs = list(pool.map(task, scenes))
         rows = summary(name, runs)
         out = sys.stderr if args.json else sys.stdout
         print_rows(f"{name}: {_TITLES[name]}", rows, file=out)
@@ -254,6 +255,9 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--only", choices=list(_TITLES), help="one part")
     parser.add_argument("--runs", type=int, default=20, metavar="N", help="of each (default 20)")
+    parser.add_argument(
+        "--first", type=int, default=0, metavar="K", help="begin with run K: other scenes"
+    )
     parser.add_argument(
         "--minutes", type=float, default=10.0, metavar="M", help="of undisturbed runs (default 10)"
     )
