@@ -118,6 +118,11 @@ class CameraBuffer:
             return
         self._take(image)
 
+    def reject(self, why: str) -> None:
+        """Count, say and drop a message that cannot be read."""
+        self._received += 1
+        self._drop(why)
+
     def add_info(self, message: Any) -> None:
         """Take in a ``CameraInfo``; a new lens empties the buffer."""
         topic = self.camera.info_topic
@@ -246,6 +251,11 @@ class Buffers:
         """Take in a ``CameraInfo`` of a camera."""
         with self._lock:
             self._buffers[name].add_info(message)
+
+    def reject(self, name: str, why: str) -> None:
+        """Count, say and drop a message of a camera that cannot be read at all."""
+        with self._lock:
+            self._buffers[name].reject(why)
 
     def set_limits(self, limits: Limits) -> None:
         """Change the bounds; what they no longer allow is forgotten."""

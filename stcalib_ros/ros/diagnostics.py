@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from stcalib_ros.core.watch.verdict import Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts
+from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.worker import Step
 
 STARVED_S = 5.0
@@ -29,6 +31,10 @@ class SolverState:
         Run of the calibration in force; empty if there is none.
     last_run, last_status, last_message : str
         Of the last run that ended; empty if none has.
+    last_took_s : float
+        How long its solver worked; NaN if none has.
+    last_ended_s : float
+        When its solver had done its work, Unix seconds by this machine's clock; NaN if none has.
     """
 
     step: Step | None
@@ -36,6 +42,8 @@ class SolverState:
     last_run: str
     last_status: str
     last_message: str
+    last_took_s: float = math.nan
+    last_ended_s: float = math.nan
 
 
 def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
@@ -126,8 +134,44 @@ def solver_status(prefix: str, solver: SolverState) -> Any:
         "last_run": solver.last_run,
         "last_status": solver.last_status,
         "last_message": solver.last_message,
+        "last_took_s": f"{solver.last_took_s:.2f}",
+        "last_ended_s": f"{solver.last_ended_s:.3f}",
     }
     return _status(f"{prefix}: solver", level, message, values)
+
+
+def load_status(prefix: str, load: Load, lost: Mapping[str, int], *, newly_lost: bool) -> Any:
+    """Status of the intake; a warning while messages are being lost.
+
+    Parameters
+    ----------
+    prefix : str
+    load : Load
+    lost : mapping of str to int
+        Messages of poses that never came, by camera, since the start.
+    newly_lost : bool
+        Some of them since the last status.
+    """
+    level, message = DiagnosticStatus.OK, "keeping up"
+    if newly_lost:
+        level = DiagnosticStatus.WARN
+        losing = ", ".join(f"{name}: {n}" for name, n in lost.items() if n)
+        message = f"messages are lost on their way or in the queue (queue_depth), {losing}"
+    values = {
+        "messages_per_minute": load.messages,
+        "lost": sum(lost.values()),
+        **{
+            name: f"{1e3 * getattr(load, name.replace('_ms', '_s')):.2f}"
+            for name in (
+                "delay_p50_ms",
+                "delay_p99_ms",
+                "delay_max_ms",
+                "hold_p99_ms",
+                "hold_max_ms",
+            )
+        },
+    }
+    return _status(f"{prefix}: load", level, message, values)
 
 
 def _status(name: str, level: bytes, message: str, values: Mapping[str, object]) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import signal
@@ -35,9 +36,12 @@ from stcalib_ros.ros.diagnostics import (
     STARVED_S,
     SolverState,
     camera_status,
+    load_status,
     solver_status,
     starvation,
 )
+from stcalib_ros.ros.intake import Intake
+from stcalib_ros.ros.load import Meter
 from stcalib_ros.ros.parameters import declare, settings_from
 from stcalib_ros.ros.publishers import Publishers
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
@@ -86,17 +90,20 @@ class Calibrator:
         self.history = History(self.settings.results_folder, keep=self.settings.keep_results)
         self.in_force: Kept | None = None
         self._in_force_run = self._last_run = self._last_status = self._last_message = ""
+        self._last_took_s = self._last_ended_s = math.nan
         self.run: Run | None = None
-        self._trigger = Trigger()
-        self._guard = node.create_guard_condition(self._progressed)
+        self._trigger, self._meter = Trigger(), Meter()
+        self._guard = node.create_guard_condition(self._meter.timed(self._progressed))
         self.worker = Worker(self._guard.trigger, self.log.warning)
         self.watcher = Watcher(self.log.warning)
         self._publishers = Publishers(node, self.settings)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._intake = Intake(self.settings.cameras, self.buffers, self._meter)
+        self._lost = self._intake.lost()
         self._subscribe()
         self.services = Services(self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(1.0, self._every_second, clock=steady)
+        node.create_timer(1.0, self._meter.timed(self._every_second), clock=steady)
         node.add_on_set_parameters_callback(self._change_parameters)
         self._load()
 
@@ -178,18 +185,10 @@ class Calibrator:
     def _subscribe(self) -> None:
         qos = QoSProfile(depth=self.settings.queue_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         for camera in self.settings.cameras:
-            self.node.create_subscription(
-                PersonPose3DArray,
-                camera.pose_topic,
-                lambda message, name=camera.name: self.buffers.add_poses(name, message),
-                qos,
-            )
-            self.node.create_subscription(
-                CameraInfo,
-                camera.info_topic,
-                lambda message, name=camera.name: self.buffers.add_info(name, message),
-                qos,
-            )
+            poses, info = self._intake.poses_of(camera), self._intake.info_of(camera)
+            subscribe = self.node.create_subscription
+            subscribe(PersonPose3DArray, camera.pose_topic, poses, qos, raw=True)
+            subscribe(CameraInfo, camera.info_topic, info, qos, raw=True)
 
     def _load(self) -> None:
         try:
@@ -234,6 +233,7 @@ class Calibrator:
             verdict = f"not taken: {reason}"
         self.log.info(f"run {job.run_id} has ended: {verdict}")
         self._last_run, self._last_status = job.run_id, calibration.status.name
+        self._last_took_s, self._last_ended_s = outcome.took_s, outcome.ended_s
         self._last_message = f"{calibration.message}; {verdict}" if taken else verdict
         self._publish_diagnostics()
         run, self.run = self.run, None
@@ -321,10 +321,15 @@ class Calibrator:
             last_run=self._last_run,
             last_status=self._last_status,
             last_message=self._last_message,
+            last_took_s=self._last_took_s,
+            last_ended_s=self._last_ended_s,
         )
+        lost = self._intake.lost()
+        newly_lost, self._lost = lost != self._lost, lost
         array = DiagnosticArray(
             status=[
                 solver_status(prefix, solver),
+                load_status(prefix, self._meter.load(), lost, newly_lost=newly_lost),
                 *(
                     camera_status(prefix, c, counts[n], lacks[n], verdicts.get(n))
                     for n, c in cameras.items()
@@ -388,6 +393,9 @@ def main() -> int:
         return 2
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    # What is there now stays: the collector would look through it again and again, 60 ms each time.
+    gc.collect()
+    gc.freeze()
     while not stop.is_set() and rclpy.ok():
         executor.spin_once(timeout_sec=_SPIN_S)
     if not calibrator.worker.stop(_STOP_S):

@@ -1,17 +1,18 @@
-"""One calibration at a time, in a thread of its own; knows no ROS."""
+"""One calibration at a time, followed by a thread of its own; knows no ROS."""
 
 from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from stcalib_ros.core.errors import Cancelled, InputError
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.types import Calibration, Status
-from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
+from stcalib_ros.io.assemble import CameraImages, Warn
+from stcalib_ros.ros.solver import SolverError, calibrate_apart
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,10 +39,23 @@ class Job:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What came of a job; a failure is a calibration without cameras that says why."""
+    """What came of a job.
+
+    Attributes
+    ----------
+    job : Job
+    calibration : Calibration
+        A failure is one without cameras that says why.
+    took_s : float
+        Wall time.
+    ended_s : float
+        When that was known, Unix seconds by this machine's clock.
+    """
 
     job: Job
     calibration: Calibration
+    took_s: float
+    ended_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,24 +143,28 @@ class Worker:
         return self._thread is None or not self._thread.is_alive()
 
     def _run(self, job: Job) -> None:
-        outcome = Outcome(job, self._calibration(job))
+        begin = time.monotonic()
+        calibration = self._calibration(job)
+        outcome = Outcome(job, calibration, time.monotonic() - begin, time.time())
         with self._lock:
             self._outcome = outcome
         self._wake()
 
     def _calibration(self, job: Job) -> Calibration:
         try:
-            recording = assemble_recording(job.cameras, warn=self._warn)
-            return calibrate(
-                recording,
+            return calibrate_apart(
+                job.cameras,
                 job.options,
-                progress=lambda stage, fraction: self._tell(Step(job.run_id, stage, fraction)),
                 cancelled=self._cancel.is_set,
+                warn=self._warn,
+                progress=lambda stage, fraction: self._tell(Step(job.run_id, stage, fraction)),
             )
         except Cancelled as error:
             return failure(Status.CANCELLED, str(error))
         except InputError as error:
             return failure(Status.INSUFFICIENT_DATA, str(error))
+        except SolverError as error:
+            return failure(Status.NOT_CONVERGED, str(error))
         except Exception as error:  # the node goes on, whatever the solver stumbles over
             return failure(Status.NOT_CONVERGED, f"{type(error).__name__}: {error}")
 

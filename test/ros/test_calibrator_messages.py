@@ -19,7 +19,8 @@ from visualization_msgs.msg import Marker
 from stcalib_ros.core.watch.verdict import State, Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts
-from stcalib_ros.ros.diagnostics import SolverState, camera_status, solver_status
+from stcalib_ros.ros.diagnostics import SolverState, camera_status, load_status, solver_status
+from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.markers import camera_markers
 from stcalib_ros.ros.publishers import transforms
 from stcalib_ros.ros.worker import Step
@@ -130,3 +131,29 @@ def test_status_of_the_solver(in_force, last_status, level):
     idle = solver_status("n", SolverState(None, in_force, "run-1", last_status, "why"))
     assert running.level == idle.level == level
     assert (running.message, idle.message) == ("running run-2: lift", "idle")
+
+
+@pytest.mark.parametrize(
+    ("newly_lost", "level", "message"),
+    [
+        (False, DiagnosticStatus.OK, "keeping up"),
+        (
+            True,
+            DiagnosticStatus.WARN,
+            "messages are lost on their way or in the queue (queue_depth), cam1: 3",
+        ),
+    ],
+)
+def test_status_of_the_load(newly_lost, level, message):
+    load = Load(1800, 0.001, 0.0025, 0.0125, 0.0005, 0.05)
+    status = load_status("n", load, {"cam0": 0, "cam1": 3}, newly_lost=newly_lost)
+    assert (status.name, status.level, status.message) == ("n: load", level, message)
+    assert {v.key: v.value for v in status.values} == {
+        "messages_per_minute": "1800",
+        "lost": "3",
+        "delay_p50_ms": "1.00",
+        "delay_p99_ms": "2.50",
+        "delay_max_ms": "12.50",
+        "hold_p99_ms": "0.50",
+        "hold_max_ms": "50.00",
+    }

@@ -346,7 +346,7 @@ class Solver:
         self.go_on = threading.Event()
         self.error: Exception | None = None
 
-    def __call__(self, _recording, _options, *, progress, cancelled):
+    def __call__(self, _cameras, _options, *, cancelled, warn, progress):
         progress("registration", 0.5)
         while not self.go_on.wait(0.01):
             if cancelled():
@@ -359,7 +359,7 @@ class Solver:
 @pytest.fixture
 def solver(monkeypatch: pytest.MonkeyPatch) -> Solver:
     made = Solver()
-    monkeypatch.setattr(worker_module, "calibrate", made)
+    monkeypatch.setattr(worker_module, "calibrate_apart", made)
     return made
 
 
