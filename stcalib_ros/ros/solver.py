@@ -20,7 +20,6 @@ from typing import Any
 
 from stcalib_ros.core.errors import Cancelled, StcalibError
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.types import Calibration
 from stcalib_ros.io.assemble import CameraImages, assemble_recording
 
@@ -37,7 +36,7 @@ class SolverError(StcalibError):
 
 
 def calibrate_apart(
-    cameras: Sequence[CameraImages],
+    cameras: list[CameraImages],
     options: Options,
     *,
     cancelled: Callable[[], bool],
@@ -47,7 +46,8 @@ def calibrate_apart(
 
     Parameters
     ----------
-    cameras : sequence of CameraImages
+    cameras : list of CameraImages
+        Emptied while it is handed over, so that no image is kept for longer than that.
     options : Options
     cancelled : callable
         Asked every twentieth of a second; the process is killed when it returns true.
@@ -87,16 +87,16 @@ def calibrate_apart(
         ours.close()
 
 
-def _send(to: Connection, cameras: Sequence[CameraImages], cancelled: Callable[[], bool]) -> None:
+def _send(to: Connection, cameras: list[CameraImages], cancelled: Callable[[], bool]) -> None:
     """Hand over piece by piece: pickling holds Python's lock."""
     to.send(len(cameras))
-    for camera in cameras:
-        images = list(camera.images)
-        to.send((replace(camera, images=()), len(images)))
-        for k in range(0, len(images), _IMAGES_AT_ONCE):
+    while cameras:
+        camera = cameras.pop(0)
+        to.send((replace(camera, images=()), len(camera.images)))
+        for k in range(0, len(camera.images), _IMAGES_AT_ONCE):
             if cancelled():
                 raise Cancelled("cancelled during assembly")
-            to.send(images[k : k + _IMAGES_AT_ONCE])
+            to.send(camera.images[k : k + _IMAGES_AT_ONCE])
 
 
 def _received(source: Connection) -> list[CameraImages]:
@@ -143,6 +143,8 @@ def _without_interrupts() -> Iterator[None]:
 
 def _serve(pipe: Connection, options: Options, events: Sequence[str]) -> None:
     """Main function of the process."""
+    from stcalib_ros.core.pipeline import calibrate  # here: the node needs nothing of it
+
     os.nice(_NICE)
     tell = {event: partial(_say, pipe, event) for event in events}
     warn = tell.pop("warn")

@@ -6,7 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from stcalib_ros.core.errors import Cancelled, InputError
 from stcalib_ros.core.options import Options
@@ -44,6 +44,7 @@ class Outcome:
     Attributes
     ----------
     job : Job
+        Without its images.
     calibration : Calibration
         A failure is one without cameras that says why.
     took_s : float
@@ -119,7 +120,8 @@ class Worker:
             self._step = Step(job.run_id, "assembly", 0.0)
         self._cancel.clear()
         # A daemon, so that a solver in the middle of a long step does not keep the process alive.
-        self._thread = threading.Thread(target=self._run, args=(job,), daemon=True)
+        # The list is emptied by the thread: a job's images are kept no longer than they are needed.
+        self._thread = threading.Thread(target=self._run, args=([job],), daemon=True)
         self._thread.start()
         return True
 
@@ -142,18 +144,20 @@ class Worker:
             self._thread.join(timeout_s)
         return self._thread is None or not self._thread.is_alive()
 
-    def _run(self, job: Job) -> None:
-        begin = time.monotonic()
-        calibration = self._calibration(job)
+    def _run(self, waiting: list[Job]) -> None:
+        job = waiting.pop()
+        begin, cameras = time.monotonic(), list(job.cameras)
+        job = replace(job, cameras=())
+        calibration = self._calibration(job, cameras)
         outcome = Outcome(job, calibration, time.monotonic() - begin, time.time())
         with self._lock:
             self._outcome = outcome
         self._wake()
 
-    def _calibration(self, job: Job) -> Calibration:
+    def _calibration(self, job: Job, cameras: list[CameraImages]) -> Calibration:
         try:
             return calibrate_apart(
-                job.cameras,
+                cameras,
                 job.options,
                 cancelled=self._cancel.is_set,
                 warn=self._warn,

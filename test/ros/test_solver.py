@@ -58,7 +58,7 @@ def quiet(*_: object) -> None:
 def test_it_gives_the_numbers_of_this_process(cameras):
     steps, warnings = [], []
     found = calibrate_apart(
-        cameras,
+        list(cameras),
         Options(),
         cancelled=never,
         warn=warnings.append,
@@ -84,7 +84,7 @@ def test_it_is_killed_when_cancelled(cameras):
     stages: list[str] = []
     with pytest.raises(Cancelled, match="cancelled during"):
         calibrate_apart(
-            cameras,
+            list(cameras),
             Options(),
             cancelled=lambda: bool(stages),
             warn=quiet,
@@ -95,7 +95,7 @@ def test_it_is_killed_when_cancelled(cameras):
 
 def test_it_can_be_cancelled_before_anything_is_done(cameras):
     with pytest.raises(Cancelled, match="assembly"):
-        calibrate_apart(cameras, Options(), cancelled=lambda: True, warn=quiet)
+        calibrate_apart(list(cameras), Options(), cancelled=lambda: True, warn=quiet)
 
 
 def test_what_the_data_lacks_is_told(cameras):
@@ -108,7 +108,7 @@ def test_what_the_data_lacks_is_told(cameras):
 
 def test_what_nobody_foresaw_is_told(cameras):
     with pytest.raises(SolverError, match="AttributeError: "):
-        calibrate_apart(cameras, "none", cancelled=never, warn=quiet)  # type: ignore[arg-type]
+        calibrate_apart(list(cameras), "none", cancelled=never, warn=quiet)  # type: ignore[arg-type]
 
 
 def test_a_process_that_is_killed_is_told(cameras):
@@ -117,10 +117,23 @@ def test_a_process_that_is_killed_is_told(cameras):
             os.kill(int(child.pid or 0), signal.SIGKILL)
 
     with pytest.raises(SolverError, match=r"exit code -9.*window_s"):
-        calibrate_apart(cameras, Options(), cancelled=never, warn=quiet, progress=kill)
+        calibrate_apart(list(cameras), Options(), cancelled=never, warn=quiet, progress=kill)
+
+
+def test_images_are_not_kept_once_they_are_handed_over(cameras):
+    given, left = list(cameras), []
+    with pytest.raises(Cancelled):
+        calibrate_apart(
+            given,
+            Options(),
+            cancelled=lambda: bool(left),
+            warn=quiet,
+            progress=lambda *_: left.append(len(given)),
+        )
+    assert left[0] == 0
 
 
 def test_interrupts_are_heard_as_before(cameras):
     with pytest.raises(Cancelled):
-        calibrate_apart(cameras, Options(), cancelled=lambda: True, warn=quiet)
+        calibrate_apart(list(cameras), Options(), cancelled=lambda: True, warn=quiet)
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
