@@ -18,6 +18,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -183,12 +184,22 @@ class Calibrator:
         )
 
     def _subscribe(self) -> None:
+        """Listen to every camera.
+
+        No QoS of a publisher is incompatible with ours, and /diagnostics tells of wrong types: the
+        events that rclpy would wait for besides, two per topic, would only cost time.
+        """
         qos = QoSProfile(depth=self.settings.queue_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        silent = SubscriptionEventCallbacks(use_default_callbacks=False)
         for camera in self.settings.cameras:
             poses, info = self._intake.poses_of(camera), self._intake.info_of(camera)
-            subscribe = self.node.create_subscription
-            subscribe(PersonPose3DArray, camera.pose_topic, poses, qos, raw=True)
-            subscribe(CameraInfo, camera.info_topic, info, qos, raw=True)
+            for kind, topic, take in (
+                (PersonPose3DArray, camera.pose_topic, poses),
+                (CameraInfo, camera.info_topic, info),
+            ):
+                self.node.create_subscription(
+                    kind, topic, take, qos, raw=True, event_callbacks=silent
+                )
 
     def _load(self) -> None:
         try:
