@@ -37,6 +37,8 @@ class Rig:
         ``t_ref = t_cam + offset_s``.
     support : float
         Weight of the hypotheses that agree.
+    synchronised : bool
+        The clocks are known to agree: offsets are zero and no unknowns.
     """
 
     cameras: IntArray
@@ -44,6 +46,7 @@ class Rig:
     t_ref_cam: FloatArray
     offset_s: FloatArray
     support: float
+    synchronised: bool = False
 
 
 def connected_groups(
@@ -106,7 +109,7 @@ class _Graph:
         self.R = np.stack([h.R_a_b for h in hypotheses])
         self.t = np.stack([h.t_a_b for h in hypotheses])
         self.lag = np.array([h.lag_s for h in hypotheses])
-        self.weight = np.array([_reliability(h) for h in hypotheses])
+        self.weight = np.array([reliability(h) for h in hypotheses])
         self.frame_s = frame_s
         _, self.pair = np.unique(self.a * len(cameras) + self.b, return_inverse=True)
 
@@ -222,7 +225,7 @@ class _Graph:
         return value
 
 
-def _reliability(h: PairHypothesis) -> float:
+def reliability(h: PairHypothesis) -> float:
     """Support, discounted where the key points contradict the hypothesis."""
     if not np.isfinite(h.epipolar_px):
         return 0.1 * h.support

@@ -7,7 +7,7 @@ stage is a function of plain records; `run_stages` keeps what each of them found
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -169,13 +169,14 @@ class _Run:
         self.hypotheses = self._register(selection.cameras)
         group = self._group(selection.cameras)
         self.tick("integration", 0.0)
-        self.rigs = integrate(
+        rigs = integrate(
             group,
             [h for h in self.hypotheses if h.a in group and h.b in group],
             frame_s=self.step_s,
             n_trees=self.options.integration.n_trees,
             rng=np.random.default_rng(self.options.seed),
         )
+        self.rigs = tuple(replace(rig, synchronised=self.options.synchronised) for rig in rigs)
         start, rival = self._best_start()
         complaint = None if rival is None else self._rivalry(start, rival)
         while True:
@@ -214,7 +215,10 @@ class _Run:
             registered = register_pair(a, b, grids[a], grids[b], max_lag, o)
             found += registered
             worth = [h for h in registered if h.support >= _WORTH_REFINING * registered[0].support]
-            refined = (refine_pair(self.lifted, h) for h in worth[: o.n_refined])
+            refined = (
+                refine_pair(self.lifted, h, synchronised=self.options.synchronised)
+                for h in worth[: o.n_refined]
+            )
             found += [h for h in refined if h is not None]
         return tuple(found)
 

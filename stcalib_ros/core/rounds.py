@@ -294,10 +294,10 @@ def sub_rig(rig: Rig, members: Sequence[int]) -> Rig:
     """The rig of some of its cameras (positions), in the frame and clock of the first of them."""
     pick: IntArray = np.array(members, dtype=np.int64)
     R_0, t_0 = rig.R_ref_cam[pick[0]], rig.t_ref_cam[pick[0]]
-    return Rig(
-        rig.cameras[pick],
-        R_0.T @ rig.R_ref_cam[pick],
-        (rig.t_ref_cam[pick] - t_0) @ R_0,
-        rig.offset_s[pick] - rig.offset_s[pick[0]],
-        rig.support,
+    return replace(
+        rig,
+        cameras=rig.cameras[pick],
+        R_ref_cam=R_0.T @ rig.R_ref_cam[pick],
+        t_ref_cam=(rig.t_ref_cam[pick] - t_0) @ R_0,
+        offset_s=rig.offset_s[pick] - rig.offset_s[pick[0]],
     )
