@@ -19,10 +19,8 @@ from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.hypotheses import PairHypothesis, register_pair
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.paper.merge import merge
-from stcalib_ros.core.paper.pairs import Views, lift_views, register_pairs
-from stcalib_ros.core.paper.posegraph import optimise
-from stcalib_ros.core.paper.stba import adjust_rounds
+from stcalib_ros.core.paper.pairs import Views, lift_views
+from stcalib_ros.core.paper.stages import Grid, adjust_pairs, integrate_pairs, register_pairs
 from stcalib_ros.core.quality import CameraEvidence, evidence
 from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
@@ -197,45 +195,14 @@ class _Run:
 
     def _by_the_paper(self, cameras: Sequence[int]) -> Calibration:
         """The paper's own stages, from pairwise registration to ISTBA."""
-        start, n = self._grid(cameras)
-        window = self.options.vmf.window
-        pairs = register_pairs(
-            Views(self.skeleton, self.lifted),
-            cameras,
-            self.options,
-            start_s=start,
-            step_s=self.step_s,
-            n=n,
-            tick=lambda fraction: self.tick("pairwise registration", fraction),
-        )
+        views = Views(self.skeleton, self.lifted)
+        grid = Grid(*self._grid(cameras), step_s=self.step_s)
+        pairs = register_pairs(views, cameras, self.options, grid, self.tick)
         self.hypotheses = tuple(pair.hypothesis for pair in pairs)
-        group = self._group(cameras)
-        self.tick("integration", 0.0)
-        rig = optimise(
-            group,
-            [h for h in self.hypotheses if h.a in group and h.b in group],
-            synchronised=self.options.synchronised,
-        )
+        rig = integrate_pairs(self._group(cameras), pairs, self.options)
         self.rigs = (rig,)
         while True:
-            inside = set(rig.cameras.tolist())
-            association = merge(
-                self.lifted,
-                rig,
-                [p for p in pairs if {p.hypothesis.a, p.hypothesis.b} <= inside],
-                start_s=start,
-                step_s=self.step_s,
-                window=window,
-            )
-            result = adjust_rounds(
-                self.lifted,
-                rig,
-                association,
-                self.options.bundle,
-                step_s=self.step_s,
-                window=window,
-                tick=lambda fraction: self.tick("bundle adjustment", fraction),
-            )
+            result = adjust_pairs(self.lifted, rig, pairs, self.options, grid, self.tick)
             if not isinstance(result, Unconnected):
                 break
             rig = self._largest(rig, result)
