@@ -12,7 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core.averaging import Rig, connected_groups, integrate
-from stcalib_ros.core.checks import Insufficient, require_reference, select_cameras
+from stcalib_ros.core.checks import (
+    Insufficient,
+    require_known_cameras,
+    require_reference,
+    select_cameras,
+)
 from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.epipolar import refine_pair
 from stcalib_ros.core.errors import Cancelled
@@ -21,6 +26,7 @@ from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.paper.pairs import Views, lift_views
 from stcalib_ros.core.paper.stages import Grid, adjust_pairs, integrate_pairs, register_pairs
+from stcalib_ros.core.placement import Placement, place
 from stcalib_ros.core.quality import CameraEvidence, evidence
 from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
@@ -65,6 +71,8 @@ class Stages:
     rounds : tuple of Round
         Of the adjustment: the first is STBA, the last ISTBA.
     calibration : Calibration
+    placement : Placement or None
+        How the calibration lies in the world; None without cameras.
     """
 
     skeleton: Skeleton
@@ -73,6 +81,7 @@ class Stages:
     rigs: tuple[Rig, ...]
     rounds: tuple[Round, ...]
     calibration: Calibration
+    placement: Placement | None = None
 
 
 def calibrate(
@@ -136,6 +145,7 @@ class _Run:
         self.rigs: tuple[Rig, ...] = ()
         self.rounds: tuple[Round, ...] = ()
         self.rejected: list[UncalibratedCamera] = []
+        self.placement: Placement | None = None
 
     def tick(self, stage: str, fraction: float) -> None:
         """Report progress; leave if the caller wants to."""
@@ -146,6 +156,7 @@ class _Run:
 
     def stages(self) -> Stages:
         first = require_reference(self.recording, self.options)
+        require_known_cameras(self.recording, self.options)
         self.tick("lift", 0.0)
         views = lift_views(self.recording, self.options)
         self.skeleton, self.lifted = views.skeleton, views.lifted
@@ -159,7 +170,13 @@ class _Run:
                 uncalibrated=why.uncalibrated,
             )
         return Stages(
-            self.skeleton, self.lifted, self.hypotheses, self.rigs, self.rounds, calibration
+            self.skeleton,
+            self.lifted,
+            self.hypotheses,
+            self.rigs,
+            self.rounds,
+            calibration,
+            self.placement,
         )
 
     def _calibration(self, first: int) -> Calibration:
@@ -390,11 +407,16 @@ class _Run:
         doubts = [
             f"{n}: {e.complaint()}" for n, e in zip(names, found, strict=True) if e.complaint()
         ]
+        self.placement = place(
+            self.recording, self.lifted, self.skeleton, last, covariance, self.options
+        )
         status, message = Status.OK, _summary(len(names), len(self.recording.cameras))
         if complaint is not None:
             status, message = Status.DEGENERATE, complaint
         elif doubts:
             status, message = Status.DEGENERATE, "; ".join(doubts)
+        elif self.placement.complaint:
+            status, message = Status.DEGENERATE, self.placement.complaint
         elif len(self.rounds) > 1 and self.rounds[-2].differing(last, self.step_s):
             status = Status.NOT_CONVERGED
             message = "the adjustment had not settled after the last round: raise bundle.rounds"
@@ -404,9 +426,11 @@ class _Run:
             self.skeleton,
             last,
             covariance,
+            self.placement,
             status=status,
             message=message,
             uncalibrated=self.rejected,
+            world_frame=self.options.world_frame,
         )
 
 

@@ -21,8 +21,8 @@ from stcalib_ros.core.metrics import (
     triangulation_errors,
 )
 from stcalib_ros.core.paper.registration import PairRegistration
+from stcalib_ros.core.persons import tracks_of
 from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.result import tracks_of
 from stcalib_ros.core.rounds import Round, sub_rig
 from stcalib_ros.core.timeline import Interpolation, common_step, frame_period
 from stcalib_ros.core.types import (
