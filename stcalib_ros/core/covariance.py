@@ -45,7 +45,7 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
         (rad) and offset (s).
     """
     system, scores, points = stba.point_scores(o, _calmed(o, state))
-    free, scale = stba.gauge(state.t_cam_ref)
+    free, scale = stba.gauge(state.t_cam_ref, synchronised=state.synchronised)
     H = (system.H + 1e6 * np.diag(system.H).max() * np.outer(scale, scale))[np.ix_(free, free)]
     size = np.sqrt(np.maximum(np.diag(H), 1e-30))
     inverse = np.linalg.pinv(H / np.outer(size, size), rcond=1e-13, hermitian=True)

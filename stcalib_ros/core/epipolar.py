@@ -101,9 +101,15 @@ def correspondences(
 
 
 def refine_pair(
-    cameras: Sequence[LiftedCamera], h: PairHypothesis, *, iterations: int = 10
+    cameras: Sequence[LiftedCamera],
+    h: PairHypothesis,
+    *,
+    iterations: int = 10,
+    synchronised: bool = False,
 ) -> PairHypothesis | None:
     """Gauss-Newton on the robust Sampson error over rotation, direction of t and lag.
+
+    The lag of synchronised cameras stays as it is.
 
     Returns
     -------
@@ -111,6 +117,7 @@ def refine_pair(
         With `epipolar_px` set; None where too few key points are shared or it diverged.
     """
     period = frame_period(cameras[h.b].stamps)
+    max_lag_step = 0.0 if synchronised else 2.0 * period
     damping = 1e-3
     c = correspondences(cameras, h)
     if len(c.x_a) < _MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
@@ -118,7 +125,7 @@ def refine_pair(
     start = h
     cost, scale = _cost(h, c, start)
     for _ in range(iterations):
-        trial = _step(h, c, start, scale, damping, max_lag_step=2.0 * period)
+        trial = _step(h, c, start, scale, damping, max_lag_step=max_lag_step)
         c_trial = correspondences(cameras, trial)
         if len(c_trial.x_a) < _MIN_POINTS:
             return None
@@ -175,7 +182,7 @@ def _step(
     inverse = c.focal / _sampson_scale(t_y, c.x_a @ E) / scale
     J_omega = (y @ t)[:, None] * c.x_a - (c.x_a * y).sum(-1)[:, None] * t
     J_t = np.cross(y, c.x_a) @ tangent.T
-    J_lag = (c.x_a * (c.v_b @ E.T)).sum(-1)
+    J_lag = (c.x_a * (c.v_b @ E.T)).sum(-1) * (max_lag_step > 0)
     J = np.column_stack([J_omega, J_t, J_lag]) * inverse[:, None]
     r = (c.x_a * t_y).sum(-1) * inverse
     w = 1.0 / (1.0 + r**2) / _CORRELATED

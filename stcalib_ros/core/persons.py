@@ -8,6 +8,7 @@ import numpy as np
 
 from stcalib_ros.core import stba
 from stcalib_ros.core.association import Association
+from stcalib_ros.core.averaging import Rig
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.rounds import Round
 from stcalib_ros.core.types import PersonAssociation
@@ -28,7 +29,7 @@ def found_persons(
     found = []
     for person in np.unique(o.person).tolist():
         rows = o.person == person
-        tracks = _tracks(cameras, last, association, person)
+        tracks = tracks_of(cameras, last.rig, association, person)
         e = errors[rows][good[rows]]
         if len(tracks) >= 2 and len(e):
             rms = float(np.sqrt((e**2).mean()))
@@ -41,12 +42,12 @@ def found_persons(
     )
 
 
-def _tracks(
-    cameras: Sequence[LiftedCamera], last: Round, association: Association, person: int
+def tracks_of(
+    cameras: Sequence[LiftedCamera], rig: Rig, association: Association, person: int
 ) -> dict[str, tuple[int, ...]]:
     """Tracks, by camera, that are this person for a good part of their time."""
     tracks = {}
-    for i, c in enumerate(last.rig.cameras):
+    for i, c in enumerate(rig.cameras):
         slots = association.person_of[i]
         share = (slots == person).sum(1) / np.maximum((slots >= 0).sum(1), 1)
         if ids := tuple(

@@ -204,17 +204,25 @@ def _round(
     )
     if last:
         state = drop_outliers(observations, state, o)
+    return finish_round(
+        rig, association, observations, state, total, coverage=J / observations.x.shape[2]
+    )
+
+
+def finish_round(
+    rig: Rig,
+    association: Association,
+    observations: Observations,
+    state: stba.BundleState,
+    total: IntArray,
+    *,
+    coverage: float = 1.0,
+) -> Round:
+    """The record of a round that started from a rig; `total` image points (C,) in all."""
     errors = stba.errors_px(observations, state)
     median = float(np.median(errors[state.used & np.isfinite(errors)]))
-    return Round(
-        _rig_of(state, rig),
-        association,
-        observations,
-        state,
-        median,
-        coverage=J / observations.x.shape[2],
-        share=float((state.used.sum((0, 2)) / np.maximum(total, 1)).min()),
-    )
+    share = float((state.used.sum((0, 2)) / np.maximum(total, 1)).min())
+    return Round(_rig_of(state, rig), association, observations, state, median, coverage, share)
 
 
 def image_points(members: Sequence[LiftedCamera]) -> IntArray:
@@ -294,10 +302,10 @@ def sub_rig(rig: Rig, members: Sequence[int]) -> Rig:
     """The rig of some of its cameras (positions), in the frame and clock of the first of them."""
     pick: IntArray = np.array(members, dtype=np.int64)
     R_0, t_0 = rig.R_ref_cam[pick[0]], rig.t_ref_cam[pick[0]]
-    return Rig(
-        rig.cameras[pick],
-        R_0.T @ rig.R_ref_cam[pick],
-        (rig.t_ref_cam[pick] - t_0) @ R_0,
-        rig.offset_s[pick] - rig.offset_s[pick[0]],
-        rig.support,
+    return replace(
+        rig,
+        cameras=rig.cameras[pick],
+        R_ref_cam=R_0.T @ rig.R_ref_cam[pick],
+        t_ref_cam=(rig.t_ref_cam[pick] - t_0) @ R_0,
+        offset_s=rig.offset_s[pick] - rig.offset_s[pick[0]],
     )

@@ -47,6 +47,8 @@ class BundleState:
         Velocities and accelerations, per second and squared second.
     used : (N, C, J) ndarray of bool
         Observations that take part.
+    synchronised : bool
+        The clocks are known to agree: `shift_s` is zero and no unknown.
     """
 
     R_cam_ref: FloatArray
@@ -56,6 +58,7 @@ class BundleState:
     V: FloatArray
     A: FloatArray
     used: BoolArray
+    synchronised: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,9 +92,8 @@ def initial_state(o: Observations, rig: Rig) -> BundleState:
         X, good = triangulate(centres, rays, weight, refinements=1)
         X = np.where(good[..., None], X, 0.0)
         V, A = motion(o, X, good)
-    return BundleState(
-        R_cam_ref, t_cam_ref, np.zeros(len(R_cam_ref)), X, V, A, o.seen & good[:, None, :]
-    )
+    shift_s, used = np.zeros(len(R_cam_ref)), o.seen & good[:, None, :]
+    return BundleState(R_cam_ref, t_cam_ref, shift_s, X, V, A, used, rig.synchronised)
 
 
 def _rays(o: Observations, rig: Rig) -> FloatArray:
@@ -251,6 +253,7 @@ class _Problem:
         self.focal = o.focal.transpose(1, 0, 2).reshape(C, N * J)[:, self.points] * self.mask
         self.phi = np.repeat(o.phi.T, J, axis=1)[:, self.points]
         self.R, self.t, self.shift = state.R_cam_ref, state.t_cam_ref, state.shift_s
+        self.synchronised = state.synchronised
         self.X = state.X.reshape(-1, 3)[self.points].T
         self.V = state.V.reshape(-1, 3)[self.points].T
         self.A = state.A.reshape(-1, 3)[self.points].T
@@ -329,7 +332,7 @@ class _Problem:
         The reference pose and the scale stay.
         """
         reduction = self.reduce(damping)
-        d_camera = -solve_reduced(reduction.system, self.t)
+        d_camera = -solve_reduced(reduction.system, self.t, synchronised=self.synchronised)
         flat = d_camera.ravel()
         length = np.sqrt(max(float(flat @ reduction.system.H @ flat), 0.0)) * _CAUCHY / self.scale
         d_point = -_backward_solve(reduction.factors, reduction.z + flat @ reduction.T)
@@ -358,25 +361,28 @@ class _Problem:
         )
 
 
-def gauge(t_cam_ref: FloatArray) -> tuple[IntArray, FloatArray]:
+def gauge(t_cam_ref: FloatArray, *, synchronised: bool = False) -> tuple[IntArray, FloatArray]:
     """Free parameters and the direction of the scale among the camera unknowns.
 
     Returns
     -------
     free : (7 C - 7,) ndarray of int
-        All but those of the reference camera.
+        All but those of the reference camera, and but the offsets of synchronised ones.
     scale : (7 C,) ndarray
         Unit vector along which the first baseline grows.
     """
     C = len(t_cam_ref)
     scale = np.zeros(_CAMERA * C)
     scale[_CAMERA + 3 : _CAMERA + 6] = t_cam_ref[1] / np.linalg.norm(t_cam_ref[1])
-    return np.arange(_CAMERA, _CAMERA * C, dtype=np.int64), scale
+    free = np.arange(_CAMERA, _CAMERA * C, dtype=np.int64)
+    return free[free % _CAMERA != _CAMERA - 1] if synchronised else free, scale
 
 
-def solve_reduced(system: ReducedSystem, t_cam_ref: FloatArray) -> FloatArray:
+def solve_reduced(
+    system: ReducedSystem, t_cam_ref: FloatArray, *, synchronised: bool = False
+) -> FloatArray:
     """Solution (C, 7) of the reduced system with the reference and the first baseline fixed."""
-    free, scale = gauge(t_cam_ref)
+    free, scale = gauge(t_cam_ref, synchronised=synchronised)
     H = system.H + 1e6 * np.diag(system.H).max() * np.outer(scale, scale)
     H = H[np.ix_(free, free)]
     H[range(len(H)), range(len(H))] += 1e-12 * np.trace(H)

@@ -82,7 +82,7 @@ NODE_SPECS = (
 
 OPTION_SPECS = (
     Spec("reference", "", "Camera that gives the reference frame and clock; empty: the first."),
-    Spec("offset_range_s", 2.0, "Clocks are searched within plus and minus this.", 0.01, 60.0),
+    Spec("offset_range_s", 2.0, "Clocks are searched within +- this; 0: they agree.", 0.0, 60.0),
     Spec("min_score", 0.3, "Joints with a lower score are not used.", 0.0, 1.0),
     Spec("min_common_frames", 12, "Images that two cameras must share in time.", 2, 10_000),
     Spec(
@@ -99,10 +99,19 @@ OPTION_SPECS = (
         "Known distances, a list in YAML's short form as in calibrate.yaml; empty: none.",
     ),
     Spec("seed", 0, "Same seed, same result.", 0, 2**31),
+    Spec("registration.method", "correlation", "Or vmf: the paper's own method."),
     Spec("registration.min_overlap", 12, "Samples that two tracks must share.", 2, 10_000),
     Spec("registration.n_candidates", 200, "Track pairs and lags that vote.", 1, 100_000),
     Spec("registration.n_hypotheses", 12, "Hypotheses kept of a pair.", 1, 1000),
     Spec("registration.n_refined", 5, "Of which so many are refined.", 1, 1000),
+    Spec("vmf.window", 15, "Frames of a window, T.", 2, 10_000),
+    Spec("vmf.n_windows", 20, "Windows at most.", 1, 10_000),
+    Spec("vmf.n_hypothesised", 2, "Persons that RANSAC takes to be visible; 0: none.", 0, 100),
+    Spec("vmf.initial", "random", "First rotations: random or candidates."),
+    Spec("vmf.n_starts", 10, "Random first rotations.", 1, 10_000),
+    Spec("vmf.search_offsets", True, "In pairs; else in the adjustment alone."),
+    Spec("vmf.no_match_rad", 0.5, "Bones that differ more are no match.", 0.01, 3.1),
+    Spec("vmf.turn_poses", False, "Turn poses onto their key points first."),
     Spec("integration.n_trees", 300, "Random spanning trees tried.", 1, 100_000),
     Spec("bundle.rounds", 5, "Rounds of association and adjustment.", 1, 100),
     Spec("bundle.max_iterations", 12, "Steps of a round.", 1, 1000),

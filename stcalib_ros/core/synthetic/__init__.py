@@ -3,6 +3,7 @@
 from stcalib_ros.core.synthetic.changes import CameraChange
 from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.options import SceneOptions
+from stcalib_ros.core.synthetic.paper_scene import paper_scene
 from stcalib_ros.core.synthetic.people import PEOPLE, PersonMotion
 from stcalib_ros.core.synthetic.rigs import Rig
 from stcalib_ros.core.synthetic.scene import Scene, simulate
@@ -15,5 +16,6 @@ __all__ = [
     "Rig",
     "Scene",
     "SceneOptions",
+    "paper_scene",
     "simulate",
 ]

@@ -135,7 +135,7 @@ def observe(
     ids = tracking.fragment_ids(times, visible)
     ids = tracking.switch_ids(child_rng(rng), times, ids, boxes, options.id_switches_per_10s / 10)
     scores = np.where(np.isnan(keypoints[..., 0]), 0.0, rng.uniform(0.7, 1.0, keypoints.shape[:-1]))
-    tracks, persons = _tracks(ids, keypoints, joints, scores)
+    tracks, persons = make_tracks(ids, keypoints, joints, scores)
     name = rig.names[camera]
     recording = CameraRecording(
         name, f"{name}_optical_frame", lens, LAYOUT, clock.stamps, tracks, metric=True
@@ -190,9 +190,19 @@ def _flip(
     joints[flipped] = joints[flipped][:, MIRROR]
 
 
-def _tracks(
+def make_tracks(
     ids: IntArray, keypoints: FloatArray, joints: FloatArray, scores: FloatArray
 ) -> tuple[tuple[Track, ...], dict[int, IntArray]]:
+    """Tracks and true persons of each, from the track id of every person in every frame.
+
+    Parameters
+    ----------
+    ids : (T, P) ndarray of int
+        -1 where the person is not seen; an id without frames has an empty track.
+    keypoints : (T, P, J, 2) ndarray
+    joints : (T, P, J, 3) ndarray
+    scores : (T, P, J) ndarray
+    """
     tracks, persons = [], {}
     for track_id in range(int(ids.max(initial=-1)) + 1):
         frames, person = np.nonzero(ids == track_id)

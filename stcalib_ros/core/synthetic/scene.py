@@ -24,7 +24,7 @@ from stcalib_ros.core.types import (
     Status,
 )
 
-_EPOCH_NS = 1_760_000_000 * 10**9
+EPOCH_NS = 1_760_000_000 * 10**9
 _OWNER_SHARE = 0.2
 
 
@@ -92,7 +92,7 @@ def simulate(
     """
     options = options or SceneOptions()
     rng = np.random.default_rng(options.seed) if rng is None else rng
-    rig = _rig(child_rng(rng), options)
+    rig = make_rig(child_rng(rng), options)
     clocks = _clocks(child_rng(rng), options, len(rig.names))
     own = [[change for change in changes if change.camera == c] for c in range(len(clocks))]
     clocks = [clock.changed(given) for clock, given in zip(clocks, own, strict=True)]
@@ -106,11 +106,11 @@ def simulate(
         observe(np.random.default_rng([*seed, c]), seed, options, rig, c, clock, people, own[c])
         for c, clock in enumerate(clocks)
     ]
-    recording = Recording(tuple(s.camera for s in seen), _EPOCH_NS)
+    recording = Recording(tuple(s.camera for s in seen), EPOCH_NS)
     return Scene(
         options,
         recording,
-        _truth(rig, clocks, seen, recording.epoch_ns),
+        true_calibration(rig, clocks, seen, recording.epoch_ns),
         rig,
         people,
         tuple(exposures),
@@ -118,7 +118,8 @@ def simulate(
     )
 
 
-def _rig(rng: np.random.Generator, options: SceneOptions) -> Rig:
+def make_rig(rng: np.random.Generator, options: SceneOptions) -> Rig:
+    """The cameras of a scene: those that are given, or a random ring."""
     if options.rig is not None:
         return staged(options.rig, scale=options.rig_scale)
     return ring_rig(
@@ -138,9 +139,10 @@ def _clocks(rng: np.random.Generator, options: SceneOptions, n_cameras: int) -> 
     ]
 
 
-def _truth(
+def true_calibration(
     rig: Rig, clocks: Sequence[Clock], seen: Sequence[Sightings], epoch_ns: int
 ) -> Calibration:
+    """True poses, clocks and persons, in the frame and clock of the first camera, metres."""
     R_ref_cam = rig.R_cam_world[0] @ rig.R_cam_world.swapaxes(1, 2)
     t_ref_cam = rig.centres_world @ rig.R_cam_world[0].T + rig.t_cam_world[0]
     R_ref_cam[0], t_ref_cam[0] = np.eye(3), 0.0

@@ -116,7 +116,7 @@ def sight(recording: Recording, calibration: Calibration, *, min_score: float) -
     lifted = [
         _on_reference_clock(camera, pose, since_epoch_s)
         for camera, pose in zip(
-            lift_recording(thinned, skeleton, min_score=min_score, steps=0), poses, strict=True
+            lift_recording(thinned, skeleton, min_score=min_score, turn=False), poses, strict=True
         )
     ]
     rig = _rig(poses)
