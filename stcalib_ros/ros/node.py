@@ -11,12 +11,14 @@ import time
 import uuid
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -38,7 +40,7 @@ from stcalib_ros.ros.diagnostics import (
     starvation,
 )
 from stcalib_ros.ros.parameters import declare, settings_from
-from stcalib_ros.ros.publishers import Publishers
+from stcalib_ros.ros.publishers import Publishers, latched
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
 from stcalib_ros.ros.services import Services
 from stcalib_ros.ros.worker import Job, Outcome, Step, Worker, failure
@@ -151,9 +153,13 @@ class Calibrator:
         Raises
         ------
         InputError
-            There is none.
+            There is none that can be used; nothing has changed then.
         """
-        earlier = self.history.rollback()
+        if self.in_force is None:
+            raise InputError("there is no calibration in force to go back from")
+        earlier = self.history.before(self.in_force.number)
+        self._require_own_cameras(earlier)
+        self.history.withdraw_after(earlier.number)
         self._put_in_force(earlier, _saved_run(earlier))
         return f"calibration {earlier.number} is in force again"
 
@@ -169,38 +175,43 @@ class Calibrator:
         )
 
     def _subscribe(self) -> None:
+        """Listen to every camera; to its CameraInfo twice.
+
+        Drivers repeat CameraInfo, best effort or volatile: only a subscription that asks for
+        neither more gets it. Others send it once and latch it: only a transient local one gets
+        what was sent before it was there. No QoS receives both. A driver that latches and repeats
+        is heard twice, which changes nothing: a lens that is known is no news. That volatile
+        publishers do not match the latched subscription is as it should be, and not logged.
+        """
         qos = QoSProfile(depth=self.settings.queue_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
         for camera in self.settings.cameras:
-            self.node.create_subscription(
-                PersonPose3DArray,
-                camera.pose_topic,
-                lambda message, name=camera.name: self.buffers.add_poses(name, message),
-                qos,
-            )
-            self.node.create_subscription(
-                CameraInfo,
-                camera.info_topic,
-                lambda message, name=camera.name: self.buffers.add_info(name, message),
-                qos,
-            )
+            poses = partial(self.buffers.add_poses, camera.name)
+            info = partial(self.buffers.add_info, camera.name)
+            subscribe = self.node.create_subscription
+            subscribe(PersonPose3DArray, camera.pose_topic, poses, qos)
+            subscribe(CameraInfo, camera.info_topic, info, qos)
+            subscribe(CameraInfo, camera.info_topic, info, latched(), event_callbacks=quiet)
 
     def _load(self) -> None:
         try:
             kept = self.history.latest()
+            if kept is None:
+                return
+            self._require_own_cameras(kept)
         except InputError as error:
             self.log.error(f"the saved calibration is not used: {error}")
             return
-        if kept is None:
-            return
-        names = {camera.name for camera in self.settings.cameras}
-        if others := [c.name for c in kept.calibration.cameras if c.name not in names]:
-            self.log.warning(
-                f"the saved calibration {kept.number} is not used: its cameras "
-                f"{', '.join(others)} are not configured"
-            )
-            return
         self.log.info(f"calibration {kept.number} of {self.history.folder} is in force")
         self._put_in_force(kept, _saved_run(kept))
+
+    def _require_own_cameras(self, kept: Kept) -> None:
+        names = {camera.name for camera in self.settings.cameras}
+        if others := [c.name for c in kept.calibration.cameras if c.name not in names]:
+            raise InputError(
+                f"calibration {kept.number} of {self.history.folder} has the cameras "
+                f"{', '.join(others)}, which are not configured"
+            )
 
     def _put_in_force(self, kept: Kept, run_id: str) -> None:
         self.in_force, self._in_force_run = kept, run_id
@@ -220,8 +231,7 @@ class Calibrator:
         old = None if self.in_force is None else self.in_force.calibration
         taken, reason = replaces(calibration, old, requested=job.requested)
         if taken:
-            self._take(calibration, job.run_id)
-            verdict = f"in force, since {reason}"
+            verdict = f"in force, since {reason}{self._take(calibration, job.run_id)}"
         else:
             verdict = f"not taken: {reason}"
         self.log.info(f"run {job.run_id} has ended: {verdict}")
@@ -232,13 +242,16 @@ class Calibrator:
         if run is not None:
             run.result.set_result(self.message(calibration, job.run_id))
 
-    def _take(self, calibration: Calibration, run_id: str) -> None:
-        number = 0
+    def _take(self, calibration: Calibration, run_id: str) -> str:
+        """Save and put into force; returns what is to be said if only the latter succeeds."""
+        number, complaint = 0, ""
         try:
             number = self.history.add(calibration)
         except InputError as error:
-            self.log.error(f"run {run_id} is in force, but not saved: {error}")
+            complaint = f", but not saved: {error}"
+            self.log.error(f"run {run_id} is in force{complaint}")
         self._put_in_force(Kept(number, calibration), run_id)
+        return complaint
 
     def _every_second(self) -> None:
         lacks = self._publish_diagnostics()

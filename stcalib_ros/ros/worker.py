@@ -43,11 +43,22 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Where a job stands: the stage and the fraction of it that is done."""
+    """Where a job stands.
+
+    Attributes
+    ----------
+    run_id : str
+    stage : str
+    fraction : float
+        Of the stage that is done.
+    rms_px : float
+        Reprojection error so far; NaN before the first adjustment.
+    """
 
     run_id: str
     stage: str
     fraction: float
+    rms_px: float = math.nan
 
 
 def failure(status: Status, message: str) -> Calibration:
@@ -132,13 +143,23 @@ class Worker:
         self._wake()
 
     def _calibration(self, job: Job) -> Calibration:
+        rms_px = math.nan
+
+        def adjusted(value: float) -> None:
+            nonlocal rms_px
+            rms_px = value
+
+        def progress(stage: str, fraction: float) -> None:
+            self._tell(Step(job.run_id, stage, fraction, rms_px))
+
         try:
             recording = assemble_recording(job.cameras, warn=self._warn)
             return calibrate(
                 recording,
                 job.options,
-                progress=lambda stage, fraction: self._tell(Step(job.run_id, stage, fraction)),
+                progress=progress,
                 cancelled=self._cancel.is_set,
+                adjusted=adjusted,
             )
         except Cancelled as error:
             return failure(Status.CANCELLED, str(error))

@@ -104,7 +104,7 @@ def test_all_cameras_are_in_one_message_and_a_rollback_replaces_it(setup_file, t
     ("changes", "parameters", "said"),
     [
         ({"metric": False}, {}, "since lengths are not metres"),
-        ({}, {"cameras": "[cam0, cam1]"}, "its cameras cam2 are not configured"),
+        ({}, {"cameras": "[cam0, cam1]"}, "the cameras cam2, which are not configured"),
     ],
 )
 def test_what_is_not_published_is_said(setup_file, tmp_path, changes, parameters, said):
