@@ -44,7 +44,7 @@ from stcalib_ros.ros.diagnostics import (
 from stcalib_ros.ros.intake import Intake
 from stcalib_ros.ros.load import Meter
 from stcalib_ros.ros.parameters import declare, settings_from
-from stcalib_ros.ros.publishers import Publishers
+from stcalib_ros.ros.publishers import Publishers, latched
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
 from stcalib_ros.ros.services import Services
 from stcalib_ros.ros.watcher import Watcher
@@ -166,9 +166,13 @@ class Calibrator:
         Raises
         ------
         InputError
-            There is none.
+            There is none that can be used; nothing has changed then.
         """
-        earlier = self.history.rollback()
+        if self.in_force is None:
+            raise InputError("there is no calibration in force to go back from")
+        earlier = self.history.before(self.in_force.number)
+        self._require_own_cameras(earlier)
+        self.history.withdraw_after(earlier.number)
         self._put_in_force(earlier, _saved_run(earlier))
         return f"calibration {earlier.number} is in force again"
 
@@ -184,40 +188,49 @@ class Calibrator:
         )
 
     def _subscribe(self) -> None:
-        """Listen to every camera.
+        """Listen to every camera; to its CameraInfo twice.
 
-        No QoS of a publisher is incompatible with ours, and /diagnostics tells of wrong types: the
-        events that rclpy would wait for besides, two per topic, would only cost time.
+        Drivers repeat CameraInfo, best effort or volatile: only a subscription that asks for
+        neither more gets it. Others send it once and latch it: only a transient local one gets
+        what was sent before it was there. No QoS receives both. A driver that latches and repeats
+        is heard twice, which changes nothing: a lens that is known is no news.
+
+        That volatile publishers do not match the latched subscription is as it should be, nothing
+        else is incompatible, and /diagnostics tells of wrong types: the events that rclpy would
+        wait for besides, two per topic, would only cost time.
         """
         qos = QoSProfile(depth=self.settings.queue_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         silent = SubscriptionEventCallbacks(use_default_callbacks=False)
         for camera in self.settings.cameras:
-            poses, info = self._intake.poses_of(camera), self._intake.info_of(camera)
-            for kind, topic, take in (
-                (PersonPose3DArray, camera.pose_topic, poses),
-                (CameraInfo, camera.info_topic, info),
+            info = self._intake.info_of(camera)
+            for kind, topic, take, as_sent in (
+                (PersonPose3DArray, camera.pose_topic, self._intake.poses_of(camera), qos),
+                (CameraInfo, camera.info_topic, info, qos),
+                (CameraInfo, camera.info_topic, info, latched()),
             ):
                 self.node.create_subscription(
-                    kind, topic, take, qos, raw=True, event_callbacks=silent
+                    kind, topic, take, as_sent, raw=True, event_callbacks=silent
                 )
 
     def _load(self) -> None:
         try:
             kept = self.history.latest()
+            if kept is None:
+                return
+            self._require_own_cameras(kept)
         except InputError as error:
             self.log.error(f"the saved calibration is not used: {error}")
             return
-        if kept is None:
-            return
-        names = {camera.name for camera in self.settings.cameras}
-        if others := [c.name for c in kept.calibration.cameras if c.name not in names]:
-            self.log.warning(
-                f"the saved calibration {kept.number} is not used: its cameras "
-                f"{', '.join(others)} are not configured"
-            )
-            return
         self.log.info(f"calibration {kept.number} of {self.history.folder} is in force")
         self._put_in_force(kept, _saved_run(kept))
+
+    def _require_own_cameras(self, kept: Kept) -> None:
+        names = {camera.name for camera in self.settings.cameras}
+        if others := [c.name for c in kept.calibration.cameras if c.name not in names]:
+            raise InputError(
+                f"calibration {kept.number} of {self.history.folder} has the cameras "
+                f"{', '.join(others)}, which are not configured"
+            )
 
     def _put_in_force(self, kept: Kept, run_id: str) -> None:
         self.in_force, self._in_force_run = kept, run_id
@@ -238,8 +251,7 @@ class Calibrator:
         old = None if self.in_force is None else self.in_force.calibration
         taken, reason = replaces(calibration, old, requested=job.requested, wrong=job.wrong)
         if taken:
-            self._take(calibration, job.run_id)
-            verdict = f"in force, since {reason}"
+            verdict = f"in force, since {reason}{self._take(calibration, job.run_id)}"
         else:
             verdict = f"not taken: {reason}"
         self.log.info(f"run {job.run_id} has ended: {verdict}")
@@ -251,13 +263,16 @@ class Calibrator:
         if run is not None:
             run.result.set_result(self.message(calibration, job.run_id))
 
-    def _take(self, calibration: Calibration, run_id: str) -> None:
-        number = 0
+    def _take(self, calibration: Calibration, run_id: str) -> str:
+        """Save and put into force; returns what is to be said if only the latter succeeds."""
+        number, complaint = 0, ""
         try:
             number = self.history.add(calibration)
         except InputError as error:
-            self.log.error(f"run {run_id} is in force, but not saved: {error}")
+            complaint = f", but not saved: {error}"
+            self.log.error(f"run {run_id} is in force{complaint}")
         self._put_in_force(Kept(number, calibration), run_id)
+        return complaint
 
     def _every_second(self) -> None:
         counts = self.buffers.counts()

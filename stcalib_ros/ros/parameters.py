@@ -14,7 +14,7 @@ from stcalib_ros.core.options import Options, options_from_mapping
 from stcalib_ros.core.watch.verdict import Thresholds
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.io.yaml_files import parse_yaml
-from stcalib_ros.ros.buffers import Limits
+from stcalib_ros.ros.streams import Limits
 
 MAX_CAMERAS = 64
 
@@ -54,6 +54,7 @@ TF_SPECS = (
 NODE_SPECS = (
     Spec("window_s", 30.0, "Time span that is kept of each camera, seconds.", 2.0, 600.0),
     Spec("max_images", 6000, "Images kept of each camera, whatever the span.", 100, 100_000),
+    Spec("max_mb", 100.0, "Memory for the images of each camera, megabytes.", 1.0, 10_000.0),
     Spec("max_persons", 50, "Persons accepted in one image.", 1, 1000),
     Spec("max_joints", 150, "Joints accepted of one person.", 3, 1000),
     Spec("queue_depth", 50, "Messages that wait for the node, per topic.", 1, 1000, fixed=True),
@@ -206,7 +207,7 @@ def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
             f"reference: {options.reference!r} is none of the cameras {', '.join(names)}"
         )
     limits = Limits(
-        **{f: values[f] for f in ("window_s", "max_images", "max_persons", "max_joints")}
+        **{f: values[f] for f in ("window_s", "max_images", "max_mb", "max_persons", "max_joints")}
     )
     watch = ("watch", "auto_recalibrate")
     own = ("queue_depth", "auto_calibrate", "min_motion_s", "period_s", "keep_results")

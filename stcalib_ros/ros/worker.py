@@ -61,11 +61,22 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Where a job stands: the stage and the fraction of it that is done."""
+    """Where a job stands.
+
+    Attributes
+    ----------
+    run_id : str
+    stage : str
+    fraction : float
+        Of the stage that is done.
+    rms_px : float
+        Reprojection error so far; NaN before the first adjustment.
+    """
 
     run_id: str
     stage: str
     fraction: float
+    rms_px: float = math.nan
 
 
 def failure(status: Status, message: str) -> Calibration:
@@ -155,13 +166,23 @@ class Worker:
         self._wake()
 
     def _calibration(self, job: Job, cameras: list[CameraImages]) -> Calibration:
+        rms_px = math.nan
+
+        def adjusted(value: float) -> None:
+            nonlocal rms_px
+            rms_px = value
+
+        def progress(stage: str, fraction: float) -> None:
+            self._tell(Step(job.run_id, stage, fraction, rms_px))
+
         try:
             return calibrate_apart(
                 cameras,
                 job.options,
                 cancelled=self._cancel.is_set,
                 warn=self._warn,
-                progress=lambda stage, fraction: self._tell(Step(job.run_id, stage, fraction)),
+                progress=progress,
+                adjusted=adjusted,
             )
         except Cancelled as error:
             return failure(Status.CANCELLED, str(error))
