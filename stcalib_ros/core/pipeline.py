@@ -207,6 +207,7 @@ class _Run:
         while True:
             self.rounds = self._iterate(start)
             last = self.rounds[-1]
+            self.tick("quality", 0.0)
             covariance = pose_covariance(last.observations, last.state)
             found = self._evidence(last, covariance)
             bad = [i for i, e in enumerate(found) if e.complaint() is not None]

@@ -229,6 +229,7 @@ STAGES = [
     "integration",
     "first adjustment",
     "bundle adjustment",
+    "quality",
 ]
 
 
