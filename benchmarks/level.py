@@ -11,36 +11,25 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import stcalib_ros
 from benchmarks.measure import Run, judged, run_calibration, run_scene
 from benchmarks.scenarios import MAX_CPU_S, SCENARIOS, Scenario
+from benchmarks.table import Row, finite, print_rows
 from stcalib_ros.core.metrics import Evaluation, match_quality
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.results import read_result
 
 _ERRORS = ("E_R", "E_t", "E_delta")
 _DEMO_FPS = 60.0
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One figure of the table: its distribution and its target."""
-
-    figure: str
-    value: str
-    target: str
-    met: bool | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sections.append(demo())
         _print(sections[-1], as_json=args.json)
     if args.json:
-        print(json.dumps(_finite([asdict(s) for s in sections]), indent=2))
+        print(json.dumps(finite([asdict(s) for s in sections]), indent=2))
     return 0 if all(row.met is not False for s in sections for row in s.rows) else 1
 
 
@@ -163,21 +152,9 @@ def _single(name: str, value: float, limit: float | None) -> Row:
 
 def _print(section: Section, *, as_json: bool) -> None:
     out = sys.stderr if as_json else sys.stdout
-    print(f"\n{section.name}: {section.title}", file=out)
-    for row in section.rows:
-        verdict = {True: "pass", False: "MISS", None: ""}[row.met]
-        print(f"  {row.figure:14s} {row.value:44s} {row.target:18s} {verdict}", file=out)
+    print_rows(f"{section.name}: {section.title}", section.rows, file=out)
     for note in section.notes:
         print(f"  not solved: {note}", file=out, flush=True)
-
-
-def _finite(value: Any) -> Any:
-    """Replace what JSON has no number for by null."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:

@@ -37,6 +37,8 @@ class Rig:
         ``t_ref = t_cam + offset_s``.
     support : float
         Weight of the hypotheses that agree.
+    synchronised : bool
+        The clocks are known to agree: offsets are zero and no unknowns.
     """
 
     cameras: IntArray
@@ -44,6 +46,7 @@ class Rig:
     t_ref_cam: FloatArray
     offset_s: FloatArray
     support: float
+    synchronised: bool = False
 
 
 def connected_groups(
@@ -56,6 +59,30 @@ def connected_groups(
         group = {c: new if g == old else g for c, g in group.items()}
     members = [[c for c in cameras if group[c] == g] for g in dict.fromkeys(group.values())]
     return sorted(members, key=len, reverse=True)
+
+
+def spanning_tree(
+    a: IntArray, b: IntArray, order: IntArray, n_nodes: int
+) -> list[tuple[int, bool]]:
+    """Prim's algorithm from node 0: edges, and whether they lead from a to b.
+
+    Parameters
+    ----------
+    a, b : (E,) ndarray of int
+        Nodes that each edge ties; all of them hang together.
+    order : (E,) ndarray of int
+        Edges, the most wanted first.
+    n_nodes : int
+    """
+    reached = np.zeros(n_nodes, dtype=bool)
+    reached[0] = True
+    edges = []
+    while not reached.all():
+        leads_out = np.flatnonzero(reached[a[order]] != reached[b[order]])
+        e = int(order[leads_out[0]])
+        edges.append((e, bool(reached[a[e]])))
+        reached[a[e]] = reached[b[e]] = True
+    return edges
 
 
 def integrate(
@@ -106,7 +133,7 @@ class _Graph:
         self.R = np.stack([h.R_a_b for h in hypotheses])
         self.t = np.stack([h.t_a_b for h in hypotheses])
         self.lag = np.array([h.lag_s for h in hypotheses])
-        self.weight = np.array([_reliability(h) for h in hypotheses])
+        self.weight = np.array([reliability(h) for h in hypotheses])
         self.frame_s = frame_s
         _, self.pair = np.unique(self.a * len(cameras) + self.b, return_inverse=True)
 
@@ -120,7 +147,7 @@ class _Graph:
         for k in range(n_trees):
             noise = rng.gumbel(size=len(self.weight)) * (1.0 if k else 0.0)
             order = np.argsort(-(np.log(self.weight) + noise), kind="stable")
-            for e, forward in self._tree(order):
+            for e, forward in spanning_tree(self.a, self.b, order, C):
                 a, b = self.a[e], self.b[e]
                 if forward:
                     R[k, b] = R[k, a] @ self.R[e]
@@ -131,19 +158,6 @@ class _Graph:
                     t[k, a] = t[k, b] - R[k, a] @ self.t[e]
                     offset[k, a] = offset[k, b] + self.lag[e]
         return R, t, offset
-
-    def _tree(self, order: IntArray) -> list[tuple[int, bool]]:
-        """Prim's algorithm from the reference: edges and whether they lead from a to b."""
-        a, b = self.a[order], self.b[order]
-        reached = np.zeros(len(self.cameras), dtype=bool)
-        reached[0] = True
-        edges = []
-        while not reached.all():
-            leads_out = np.flatnonzero(reached[a] != reached[b])
-            e = leads_out[0]
-            edges.append((int(order[e]), bool(reached[a[e]])))
-            reached[a[e]] = reached[b[e]] = True
-        return edges
 
     def residuals(
         self, R: FloatArray, t: FloatArray, offset: FloatArray
@@ -222,7 +236,7 @@ class _Graph:
         return value
 
 
-def _reliability(h: PairHypothesis) -> float:
+def reliability(h: PairHypothesis) -> float:
     """Support, discounted where the key points contradict the hypothesis."""
     if not np.isfinite(h.epipolar_px):
         return 0.1 * h.support

@@ -44,7 +44,7 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
         Per camera x, y, z of its centre, rotation about the fixed axes of the reference frame
         (rad) and offset (s).
     """
-    free, scale = stba.gauge(state.t_cam_ref)
+    free, scale = stba.gauge(state.t_cam_ref, synchronised=state.synchronised)
     cluster = _clusters(o, state.used.sum(1) >= 2, n_unknowns=len(free))
     system, scores = stba.cluster_scores(o, _calmed(o, state), cluster)
     H = (system.H + 1e6 * np.diag(system.H).max() * np.outer(scale, scale))[np.ix_(free, free)]

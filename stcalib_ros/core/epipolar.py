@@ -133,9 +133,15 @@ class _Matched:
 
 
 def refine_pair(
-    cameras: Sequence[LiftedCamera], h: PairHypothesis, *, iterations: int = 10
+    cameras: Sequence[LiftedCamera],
+    h: PairHypothesis,
+    *,
+    iterations: int = 10,
+    synchronised: bool = False,
 ) -> PairHypothesis | None:
     """Gauss-Newton on the robust Sampson error over rotation, direction of t and lag.
+
+    The lag of synchronised cameras stays as it is.
 
     Returns
     -------
@@ -143,6 +149,7 @@ def refine_pair(
         With `epipolar_px` set; None where too few key points are shared or it diverged.
     """
     matched = _Matched(cameras[h.a], cameras[h.b], h.matches, _MAX_POINTS)
+    max_lag_step = 0.0 if synchronised else 2.0 * matched.period
     damping = 1e-3
     c = matched.at(h.lag_s)
     if len(c.x_a) < _MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
@@ -150,7 +157,7 @@ def refine_pair(
     start = h
     cost, scale = _cost(h, c, start)
     for _ in range(iterations):
-        trial = _step(h, c, start, scale, damping, max_lag_step=2.0 * matched.period)
+        trial = _step(h, c, start, scale, damping, max_lag_step=max_lag_step)
         c_trial = matched.at(trial.lag_s)
         if len(c_trial.x_a) < _MIN_POINTS:
             return None
@@ -210,7 +217,7 @@ def _step(
     inverse = c.focal / _sampson_scale(c.x_b @ E.T, c.x_a @ E) / scale
     r = values[0] * inverse
     values[:5] = values[1:]
-    values[5] = (c.x_a * (c.v_b @ E.T)).sum(-1)
+    values[5] = (c.x_a * (c.v_b @ E.T)).sum(-1) * (max_lag_step > 0)
     J = (values * inverse).T
     w = 1.0 / (1.0 + r**2) / _CORRELATED
     turned, moved = _prior_residuals(h, start)

@@ -22,6 +22,7 @@ _ROTATION_PRIOR = 0.003
 _MAX_ROTATION = 0.3
 _MIN_JOINTS = 6
 _NEAREST = 0.3
+_STEPS = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,17 +59,28 @@ class LiftedCamera:
 
 
 def lift_recording(
-    recording: Recording, skeleton: Skeleton, *, min_score: float
+    recording: Recording, skeleton: Skeleton, *, min_score: float, turn: bool = True
 ) -> tuple[LiftedCamera, ...]:
-    """Lift every track of every camera; tracks that cannot be lifted at all are left out."""
+    """Lift every track of every camera; tracks that cannot be lifted at all are left out.
+
+    Parameters
+    ----------
+    recording : Recording
+    skeleton : Skeleton
+    min_score : float
+        Joints with a lower score are not used.
+    turn : bool
+        Turn the poses onto their key points; else they are placed only.
+    """
+    steps = _STEPS if turn else 0
     return tuple(
-        _lift_camera(camera, columns, skeleton, min_score)
+        _lift_camera(camera, columns, skeleton, min_score, steps)
         for camera, columns in zip(recording.cameras, skeleton.columns, strict=True)
     )
 
 
 def _lift_camera(
-    camera: CameraRecording, columns: IntArray, skeleton: Skeleton, min_score: float
+    camera: CameraRecording, columns: IntArray, skeleton: Skeleton, min_score: float, steps: int
 ) -> LiftedCamera:
     tracks = []
     for track in camera.tracks:
@@ -78,7 +90,7 @@ def _lift_camera(
         joints = track.joints[:, columns]
         if not camera.metric:
             joints = joints * _body_scale(joints, skeleton)
-        joints_cam = lift(joints, x)
+        joints_cam = lift(joints, x, steps=steps)
         usable = np.isfinite(joints_cam).any((1, 2))
         if usable.any():
             tracks.append(
@@ -108,7 +120,7 @@ def _body_scale(joints: FloatArray, skeleton: Skeleton) -> float:
     return adult / total if total > 0 else 1.0
 
 
-def lift(joints: FloatArray, x: FloatArray, *, steps: int = 2) -> FloatArray:
+def lift(joints: FloatArray, x: FloatArray, *, steps: int = _STEPS) -> FloatArray:
     """Place and turn monocular poses so that they project onto their key points.
 
     The position of the root is the closed-form solution of ``argmin_T sum_s |(I - b b^T)

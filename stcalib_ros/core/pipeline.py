@@ -7,22 +7,30 @@ stage is a function of plain records; `run_stages` keeps what each of them found
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stcalib_ros.core.averaging import Rig, connected_groups, integrate
-from stcalib_ros.core.checks import Insufficient, require_reference, select_cameras
+from stcalib_ros.core.checks import (
+    Insufficient,
+    require_known_cameras,
+    require_reference,
+    select_cameras,
+)
 from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.epipolar import refine_pair
 from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.hypotheses import PairHypothesis, register_pair
-from stcalib_ros.core.lift import LiftedCamera, lift_recording
+from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import Options
+from stcalib_ros.core.paper.pairs import Views, lift_views
+from stcalib_ros.core.paper.stages import Grid, adjust_pairs, integrate_pairs, register_pairs
+from stcalib_ros.core.placement import Placement, place
 from stcalib_ros.core.quality import CameraEvidence, evidence
 from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
-from stcalib_ros.core.skeleton import Skeleton, common_skeleton
+from stcalib_ros.core.skeleton import Skeleton
 from stcalib_ros.core.timeline import common_step, sample_camera
 from stcalib_ros.core.types import (
     Calibration,
@@ -63,6 +71,8 @@ class Stages:
     rounds : tuple of Round
         Of the adjustment: the first is STBA, the last ISTBA.
     calibration : Calibration
+    placement : Placement or None
+        How the calibration lies in the world; None without cameras.
     """
 
     skeleton: Skeleton
@@ -71,6 +81,7 @@ class Stages:
     rigs: tuple[Rig, ...]
     rounds: tuple[Round, ...]
     calibration: Calibration
+    placement: Placement | None = None
 
 
 def calibrate(
@@ -79,6 +90,7 @@ def calibrate(
     *,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
+    adjusted: Callable[[float], None] | None = None,
 ) -> Calibration:
     """Calibrate cameras from the people that they see.
 
@@ -90,6 +102,9 @@ def calibrate(
         Called with the name of the stage and the fraction of it that is done.
     cancelled : callable, optional
         Asked between steps; the calibration ends when it returns true.
+    adjusted : callable, optional
+        Called with the root mean square reprojection error so far, px, as soon as there is one
+        and after every further round of the adjustment.
 
     Returns
     -------
@@ -104,7 +119,8 @@ def calibrate(
     Cancelled
         `cancelled` returned true.
     """
-    return run_stages(recording, options, progress=progress, cancelled=cancelled).calibration
+    run = _Run(recording, options or Options(), progress, cancelled, adjusted)
+    return run.stages().calibration
 
 
 def run_stages(
@@ -127,13 +143,15 @@ class _Run:
         options: Options,
         progress: Progress | None,
         cancelled: Callable[[], bool] | None,
+        adjusted: Callable[[float], None] | None = None,
     ) -> None:
         self.recording, self.options = recording, options
-        self.progress, self.cancelled = progress, cancelled
+        self.progress, self.cancelled, self.adjusted = progress, cancelled, adjusted
         self.hypotheses: tuple[PairHypothesis, ...] = ()
         self.rigs: tuple[Rig, ...] = ()
         self.rounds: tuple[Round, ...] = ()
         self.rejected: list[UncalibratedCamera] = []
+        self.placement: Placement | None = None
 
     def tick(self, stage: str, fraction: float) -> None:
         """Report progress; leave if the caller wants to."""
@@ -144,11 +162,10 @@ class _Run:
 
     def stages(self) -> Stages:
         first = require_reference(self.recording, self.options)
+        require_known_cameras(self.recording, self.options)
         self.tick("lift", 0.0)
-        self.skeleton = common_skeleton(self.recording)
-        self.lifted = lift_recording(
-            self.recording, self.skeleton, min_score=self.options.min_score
-        )
+        views = lift_views(self.recording, self.options)
+        self.skeleton, self.lifted = views.skeleton, views.lifted
         try:
             calibration = self._calibration(first)
         except Insufficient as why:
@@ -159,23 +176,32 @@ class _Run:
                 uncalibrated=why.uncalibrated,
             )
         return Stages(
-            self.skeleton, self.lifted, self.hypotheses, self.rigs, self.rounds, calibration
+            self.skeleton,
+            self.lifted,
+            self.hypotheses,
+            self.rigs,
+            self.rounds,
+            calibration,
+            self.placement,
         )
 
     def _calibration(self, first: int) -> Calibration:
         selection = select_cameras(self.lifted, first, self.options)
         self.rejected = list(selection.rejected)
         self.step_s = common_step([self.lifted[c] for c in selection.cameras])
+        if self.options.registration.method == "vmf":
+            return self._by_the_paper(selection.cameras)
         self.hypotheses = self._register(selection.cameras)
         group = self._group(selection.cameras)
         self.tick("integration", 0.0)
-        self.rigs = integrate(
+        rigs = integrate(
             group,
             [h for h in self.hypotheses if h.a in group and h.b in group],
             frame_s=self.step_s,
             n_trees=self.options.integration.n_trees,
             rng=np.random.default_rng(self.options.seed),
         )
+        self.rigs = tuple(replace(rig, synchronised=self.options.synchronised) for rig in rigs)
         start, rival = self._best_start()
         complaint = None if rival is None else self._rivalry(start, rival)
         while True:
@@ -183,13 +209,7 @@ class _Run:
             last = self.rounds[-1]
             self.tick("quality", 0.0)
             covariance = pose_covariance(last.observations, last.state)
-            found = evidence(
-                self.lifted,
-                self.skeleton,
-                last,
-                covariance,
-                offset_range_s=self.options.offset_range_s,
-            )
+            found = self._evidence(last, covariance)
             bad = [i for i, e in enumerate(found) if e.complaint() is not None]
             if not bad or complaint or 2 * len(bad) >= len(found):
                 return self._verdict(covariance, complaint, found)
@@ -197,11 +217,42 @@ class _Run:
             self._reject(last.rig, [worst], str(found[worst].complaint()))
             start = self._start(sub_rig(last.rig, _all_but(len(found), [worst])))
 
-    def _register(self, cameras: Sequence[int]) -> tuple[PairHypothesis, ...]:
-        """Pairwise registration and two-view refinement of all pairs of cameras."""
+    def _by_the_paper(self, cameras: Sequence[int]) -> Calibration:
+        """The paper's own stages, from pairwise registration to ISTBA."""
+        views = Views(self.skeleton, self.lifted)
+        grid = Grid(*self._grid(cameras), step_s=self.step_s)
+        pairs = register_pairs(views, cameras, self.options, grid, self.tick)
+        self.hypotheses = tuple(pair.hypothesis for pair in pairs)
+        rig = integrate_pairs(self._group(cameras), pairs, self.options)
+        self.rigs = (rig,)
+        while True:
+            result = adjust_pairs(self.lifted, rig, pairs, self.options, grid, self.tick)
+            if not isinstance(result, Unconnected):
+                break
+            rig = self._largest(rig, result)
+        self.rounds = result
+        last = self.rounds[-1]
+        covariance = pose_covariance(last.observations, last.state)
+        return self._verdict(covariance, None, self._evidence(last, covariance))
+
+    def _grid(self, cameras: Sequence[int]) -> tuple[float, int]:
+        """Time of the first sample and number of samples that hold all images of some cameras."""
         start = min(float(self.lifted[c].stamps[0]) for c in cameras)
         end = max(float(self.lifted[c].stamps[-1]) for c in cameras)
-        n = int((end - start) / self.step_s) + 1
+        return start, int((end - start) / self.step_s) + 1
+
+    def _evidence(self, last: Round, covariance: FloatArray) -> tuple[CameraEvidence, ...]:
+        return evidence(
+            self.lifted,
+            self.skeleton,
+            last,
+            covariance,
+            offset_range_s=self.options.offset_range_s,
+        )
+
+    def _register(self, cameras: Sequence[int]) -> tuple[PairHypothesis, ...]:
+        """Pairwise registration and two-view refinement of all pairs of cameras."""
+        start, n = self._grid(cameras)
         grids = {
             c: sample_camera(self.lifted[c], self.skeleton, start=start, step=self.step_s, n=n)
             for c in cameras
@@ -215,7 +266,10 @@ class _Run:
             registered = register_pair(a, b, grids[a], grids[b], max_lag, o)
             found += registered
             worth = [h for h in registered if h.support >= _WORTH_REFINING * registered[0].support]
-            refined = (refine_pair(self.lifted, h) for h in worth[: o.n_refined])
+            refined = (
+                refine_pair(self.lifted, h, synchronised=self.options.synchronised)
+                for h in worth[: o.n_refined]
+            )
             found += [h for h in refined if h is not None]
         return tuple(found)
 
@@ -310,11 +364,16 @@ class _Run:
                 start,
                 self.options.bundle,
                 step_s=self.step_s,
-                tick=lambda fraction: self.tick("bundle adjustment", fraction),
+                tick=self._tick_round,
             )
             if not isinstance(result, Unconnected):
                 return result
             start = self._start(self._largest(start.rig, result))
+
+    def _tick_round(self, fraction: float, before: Round) -> None:
+        if self.adjusted is not None:
+            self.adjusted(before.rms_px())
+        self.tick("bundle adjustment", fraction)
 
     def _largest(self, rig: Rig, apart: Unconnected) -> Rig:
         """The part of a rig that holds together; the reference's if it has two cameras."""
@@ -360,11 +419,16 @@ class _Run:
         doubts = [
             f"{n}: {e.complaint()}" for n, e in zip(names, found, strict=True) if e.complaint()
         ]
+        self.placement = place(
+            self.recording, self.lifted, self.skeleton, last, covariance, self.options
+        )
         status, message = Status.OK, _summary(len(names), len(self.recording.cameras))
         if complaint is not None:
             status, message = Status.DEGENERATE, complaint
         elif doubts:
             status, message = Status.DEGENERATE, "; ".join(doubts)
+        elif self.placement.complaint:
+            status, message = Status.DEGENERATE, self.placement.complaint
         elif len(self.rounds) > 1 and self.rounds[-2].differing(last, self.step_s):
             status = Status.NOT_CONVERGED
             message = "the adjustment had not settled after the last round: raise bundle.rounds"
@@ -374,9 +438,11 @@ class _Run:
             self.skeleton,
             last,
             covariance,
+            self.placement,
             status=status,
             message=message,
             uncalibrated=self.rejected,
+            world_frame=self.options.world_frame,
         )
 
 

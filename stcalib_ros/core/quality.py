@@ -159,6 +159,7 @@ def evidence(
         Other offsets are tried within plus and minus this.
     """
     C, frame_s = len(last.rig.cameras), last.observations.step_s
+    asked = not last.rig.synchronised
     contrast = offset_contrasts(last, max_shift=int(np.ceil(offset_range_s / frame_s)))
     used, seen = last.state.used.sum((0, 2)), last.observations.seen.sum((0, 2))
     total = image_points([cameras[c] for c in last.rig.cameras])
@@ -183,7 +184,7 @@ def evidence(
                 offset_stddev_frames=float(np.sqrt(max(block[6, 6], 0.0))) / frame_s,
                 bone_rotation=float(np.nanmin(turned[c], initial=np.inf)),
                 depth_ratio=float(depth[c]),
-                offset_contrast=float(contrast[c]) if c else float("inf"),
+                offset_contrast=float(contrast[c]) if asked and c else float("inf"),
             )
         )
     return tuple(found)

@@ -58,6 +58,11 @@ class Round:
     coverage: float
     share: float
 
+    def rms_px(self) -> float:
+        """Root mean square reprojection error of the inliers, px; NaN if there is none."""
+        errors = stba.errors_px(self.observations, self.state)[self.state.used]
+        return float(np.sqrt((errors**2).mean())) if len(errors) else float("nan")
+
     def fit(self, scale_px: float) -> float:
         """How much of all that was seen this round explains, beyond what it was free to fit.
 
@@ -126,7 +131,7 @@ def iterate(
     o: BundleOptions,
     *,
     step_s: float,
-    tick: Callable[[float], None],
+    tick: Callable[[float, Round], None],
 ) -> tuple[Round, ...] | Unconnected:
     """Rounds until neither persons nor cameras change; the last one is solved to the end.
 
@@ -137,7 +142,7 @@ def iterate(
     o : BundleOptions
     step_s : float
     tick : callable
-        Called with the fraction done before each round.
+        Called before each round with the fraction done and the round before.
 
     Returns
     -------
@@ -146,7 +151,7 @@ def iterate(
     """
     done = [first]
     while len(done) < o.rounds:
-        tick(len(done) / o.rounds)
+        tick(len(done) / o.rounds, done[-1])
         settled = len(done) > 2 and _settled(done[-2], done[-1], step_s)
         last = settled or len(done) == o.rounds - 1
         result = next_round(cameras, done[-1], o, step_s=step_s, last=last)
@@ -204,17 +209,25 @@ def _round(
     )
     if last:
         state = drop_outliers(observations, state, o)
+    return finish_round(
+        rig, association, observations, state, total, coverage=J / observations.x.shape[2]
+    )
+
+
+def finish_round(
+    rig: Rig,
+    association: Association,
+    observations: Observations,
+    state: stba.BundleState,
+    total: IntArray,
+    *,
+    coverage: float = 1.0,
+) -> Round:
+    """The record of a round that started from a rig; `total` image points (C,) in all."""
     errors = stba.errors_px(observations, state)
     median = float(np.median(errors[state.used & np.isfinite(errors)]))
-    return Round(
-        _rig_of(state, rig),
-        association,
-        observations,
-        state,
-        median,
-        coverage=J / observations.x.shape[2],
-        share=float((state.used.sum((0, 2)) / np.maximum(total, 1)).min()),
-    )
+    share = float((state.used.sum((0, 2)) / np.maximum(total, 1)).min())
+    return Round(_rig_of(state, rig), association, observations, state, median, coverage, share)
 
 
 def image_points(members: Sequence[LiftedCamera]) -> IntArray:
@@ -294,10 +307,10 @@ def sub_rig(rig: Rig, members: Sequence[int]) -> Rig:
     """The rig of some of its cameras (positions), in the frame and clock of the first of them."""
     pick: IntArray = np.array(members, dtype=np.int64)
     R_0, t_0 = rig.R_ref_cam[pick[0]], rig.t_ref_cam[pick[0]]
-    return Rig(
-        rig.cameras[pick],
-        R_0.T @ rig.R_ref_cam[pick],
-        (rig.t_ref_cam[pick] - t_0) @ R_0,
-        rig.offset_s[pick] - rig.offset_s[pick[0]],
-        rig.support,
+    return replace(
+        rig,
+        cameras=rig.cameras[pick],
+        R_ref_cam=R_0.T @ rig.R_ref_cam[pick],
+        t_ref_cam=(rig.t_ref_cam[pick] - t_0) @ R_0,
+        offset_s=rig.offset_s[pick] - rig.offset_s[pick[0]],
     )

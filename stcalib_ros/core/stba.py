@@ -55,6 +55,8 @@ class BundleState:
         Velocities and accelerations, per second and squared second.
     used : (N, C, J) ndarray of bool
         Observations that take part.
+    synchronised : bool
+        The clocks are known to agree: `shift_s` is zero and no unknown.
     """
 
     R_cam_ref: FloatArray
@@ -64,6 +66,7 @@ class BundleState:
     V: FloatArray
     A: FloatArray
     used: BoolArray
+    synchronised: bool = False
 
 
 def initial_state(o: Observations, rig: Rig) -> BundleState:
@@ -78,9 +81,8 @@ def initial_state(o: Observations, rig: Rig) -> BundleState:
     for _ in range(2):
         X, good = _triangulated(o, rig, V, A)
         V, A = motion(o, X, good)
-    return BundleState(
-        R_cam_ref, t_cam_ref, np.zeros(len(R_cam_ref)), X, V, A, o.seen & good[:, None, :]
-    )
+    shift_s, used = np.zeros(len(R_cam_ref)), o.seen & good[:, None, :]
+    return BundleState(R_cam_ref, t_cam_ref, shift_s, X, V, A, used, rig.synchronised)
 
 
 def _triangulated(
@@ -302,7 +304,7 @@ class _Problem:
         The reference pose and the scale stay.
         """
         system, eliminated = self.reduce(damping)
-        d_camera = -solve_reduced(system, self.cameras.t)
+        d_camera = -solve_reduced(system, self.cameras.t, synchronised=self.state.synchronised)
         flat = d_camera.ravel()
         length = np.sqrt(max(float(flat @ system.H @ flat), 0.0)) * _CAUCHY / self.scale
         cameras = Cameras(
@@ -329,25 +331,28 @@ class _Problem:
         return replace(self.state, **scaled)
 
 
-def gauge(t_cam_ref: FloatArray) -> tuple[IntArray, FloatArray]:
+def gauge(t_cam_ref: FloatArray, *, synchronised: bool = False) -> tuple[IntArray, FloatArray]:
     """Free parameters and the direction of the scale among the camera unknowns.
 
     Returns
     -------
     free : (7 C - 7,) ndarray of int
-        All but those of the reference camera.
+        All but those of the reference camera, and but the offsets of synchronised ones.
     scale : (7 C,) ndarray
         Unit vector along which the first baseline grows.
     """
     C = len(t_cam_ref)
     scale = np.zeros(CAMERA * C)
     scale[CAMERA + 3 : CAMERA + 6] = t_cam_ref[1] / np.linalg.norm(t_cam_ref[1])
-    return np.arange(CAMERA, CAMERA * C, dtype=np.int64), scale
+    free = np.arange(CAMERA, CAMERA * C, dtype=np.int64)
+    return free[free % CAMERA != CAMERA - 1] if synchronised else free, scale
 
 
-def solve_reduced(system: ReducedSystem, t_cam_ref: FloatArray) -> FloatArray:
+def solve_reduced(
+    system: ReducedSystem, t_cam_ref: FloatArray, *, synchronised: bool = False
+) -> FloatArray:
     """Solution (C, 7) of the reduced system with the reference and the first baseline fixed."""
-    free, scale = gauge(t_cam_ref)
+    free, scale = gauge(t_cam_ref, synchronised=synchronised)
     H = system.H + 1e6 * np.diag(system.H).max() * np.outer(scale, scale)
     H = H[np.ix_(free, free)]
     H[range(len(H)), range(len(H))] += 1e-12 * np.trace(H)

@@ -11,8 +11,10 @@ from typing import Any
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.options import Options, options_from_mapping
+from stcalib_ros.core.watch.verdict import Thresholds
 from stcalib_ros.io.topics import SelectedCamera
-from stcalib_ros.ros.buffers import Limits
+from stcalib_ros.io.yaml_files import parse_yaml
+from stcalib_ros.ros.streams import Limits
 
 MAX_CAMERAS = 64
 
@@ -38,9 +40,21 @@ CAMERAS = Spec(
     fixed=True,
 )
 
+TF_SPECS = (
+    Spec("publish_tf", True, "Publish the cameras on /tf_static.", fixed=True),
+    Spec("tf_not_metric", False, "Also if lengths are not metres.", fixed=True),
+    Spec(
+        "tf_suffix",
+        "",
+        "Added to child frames on /tf_static, for optical frames that have a parent already.",
+        fixed=True,
+    ),
+)
+
 NODE_SPECS = (
     Spec("window_s", 30.0, "Time span that is kept of each camera, seconds.", 2.0, 600.0),
     Spec("max_images", 6000, "Images kept of each camera, whatever the span.", 100, 100_000),
+    Spec("max_mb", 100.0, "Memory for the images of each camera, megabytes.", 1.0, 10_000.0),
     Spec("max_persons", 50, "Persons accepted in one image.", 1, 1000),
     Spec("max_joints", 150, "Joints accepted of one person.", 3, 1000),
     Spec("queue_depth", 50, "Messages that wait for the node, per topic.", 1, 1000, fixed=True),
@@ -53,6 +67,10 @@ NODE_SPECS = (
         600.0,
     ),
     Spec("period_s", 0.0, "Calibrate again so often, seconds of stamps; 0: never.", 0.0, 86_400.0),
+    Spec("watch", True, "Keep checking what is seen against the calibration in force."),
+    Spec("watch_rotation_deg", 1.0, "A camera that turns by more is reported.", 0.1, 45.0),
+    Spec("watch_clock_ms", 50.0, "A clock that jumps by more is reported.", 1.0, 5000.0),
+    Spec("auto_recalibrate", False, "Calibrate again when the calibration does not hold any more."),
     Spec(
         "results_folder",
         "",
@@ -60,26 +78,41 @@ NODE_SPECS = (
         fixed=True,
     ),
     Spec("keep_results", 50, "Calibrations kept on disk.", 2, 1000, fixed=True),
-    Spec("publish_tf", True, "Publish the cameras on /tf_static.", fixed=True),
-    Spec("tf_not_metric", False, "Also if lengths are not metres.", fixed=True),
-    Spec(
-        "tf_suffix",
-        "",
-        "Added to child frames on /tf_static, for optical frames that have a parent already.",
-        fixed=True,
-    ),
+    *TF_SPECS,
 )
 
 OPTION_SPECS = (
     Spec("reference", "", "Camera that gives the reference frame and clock; empty: the first."),
-    Spec("offset_range_s", 2.0, "Clocks are searched within plus and minus this.", 0.01, 60.0),
+    Spec("offset_range_s", 2.0, "Clocks are searched within +- this; 0: they agree.", 0.0, 60.0),
     Spec("min_score", 0.3, "Joints with a lower score are not used.", 0.0, 1.0),
     Spec("min_common_frames", 12, "Images that two cameras must share in time.", 2, 10_000),
+    Spec(
+        "world_frame",
+        "",
+        "Frame with z up and the floor at 0 for the poses; empty: that of the reference camera.",
+    ),
+    Spec("scale.poses_sigma", 0.1, "Of metric 3D poses, as a share.", 1e-4, 1.0),
+    Spec("scale.body_height_m", 0.0, "Mean height of the people; 0: not known.", 0.0, 3.0),
+    Spec("scale.body_height_sigma_m", 0.09, "Of one of them.", 1e-3, 1.0),
+    Spec(
+        "scale.distances",
+        "",
+        "Known distances, a list in YAML's short form as in calibrate.yaml; empty: none.",
+    ),
     Spec("seed", 0, "Same seed, same result.", 0, 2**31),
+    Spec("registration.method", "correlation", "Or vmf: the paper's own method."),
     Spec("registration.min_overlap", 12, "Samples that two tracks must share.", 2, 10_000),
     Spec("registration.n_candidates", 200, "Track pairs and lags that vote.", 1, 100_000),
     Spec("registration.n_hypotheses", 12, "Hypotheses kept of a pair.", 1, 1000),
     Spec("registration.n_refined", 5, "Of which so many are refined.", 1, 1000),
+    Spec("vmf.window", 15, "Frames of a window, T.", 2, 10_000),
+    Spec("vmf.n_windows", 20, "Windows at most.", 1, 10_000),
+    Spec("vmf.n_hypothesised", 2, "Persons that RANSAC takes to be visible; 0: none.", 0, 100),
+    Spec("vmf.initial", "random", "First rotations: random or candidates."),
+    Spec("vmf.n_starts", 10, "Random first rotations.", 1, 10_000),
+    Spec("vmf.search_offsets", True, "In pairs; else in the adjustment alone."),
+    Spec("vmf.no_match_rad", 0.5, "Bones that differ more are no match.", 0.01, 3.1),
+    Spec("vmf.turn_poses", False, "Turn poses onto their key points first."),
     Spec("integration.n_trees", 300, "Random spanning trees tried.", 1, 100_000),
     Spec("bundle.rounds", 5, "Rounds of association and adjustment.", 1, 100),
     Spec("bundle.max_iterations", 12, "Steps of a round.", 1, 1000),
@@ -99,6 +132,9 @@ class Settings:
     auto_calibrate: bool
     min_motion_s: float
     period_s: float
+    watch: bool
+    thresholds: Thresholds
+    auto_recalibrate: bool
     results_folder: Path
     keep_results: int
     publish_tf: bool
@@ -132,21 +168,21 @@ def all_specs(cameras: Iterable[str]) -> tuple[Spec, ...]:
     return (*own, *NODE_SPECS, *OPTION_SPECS)
 
 
-def require_camera_names(names: Iterable[str]) -> tuple[str, ...]:
+def require_camera_names(names: Iterable[str], *, at_least: int = 2) -> tuple[str, ...]:
     """Camera names that can be part of topics and parameters.
 
     Raises
     ------
     InputError
-        There are fewer than two or too many, one is given twice, or one is no name.
+        There are too few or too many, one is given twice, or one is no name.
     """
     names = tuple(names)
     if bad := [n for n in names if not _NAME.fullmatch(n)]:
         raise InputError(f"cameras: {bad[0]!r} is no name: letters, digits and _, a letter first")
     if len(set(names)) < len(names):
         raise InputError(f"cameras: a name is given twice: {', '.join(names)}")
-    if not 2 <= len(names) <= MAX_CAMERAS:
-        raise InputError(f"cameras: {len(names)} given, there must be 2 to {MAX_CAMERAS}")
+    if not at_least <= len(names) <= MAX_CAMERAS:
+        raise InputError(f"cameras: {len(names)} given, there must be {at_least} to {MAX_CAMERAS}")
     return names
 
 
@@ -171,16 +207,18 @@ def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
             f"reference: {options.reference!r} is none of the cameras {', '.join(names)}"
         )
     limits = Limits(
-        **{f: values[f] for f in ("window_s", "max_images", "max_persons", "max_joints")}
+        **{f: values[f] for f in ("window_s", "max_images", "max_mb", "max_persons", "max_joints")}
     )
+    watch = ("watch", "auto_recalibrate")
     own = ("queue_depth", "auto_calibrate", "min_motion_s", "period_s", "keep_results")
     tf = ("publish_tf", "tf_not_metric", "tf_suffix")
     return Settings(
         cameras=tuple(_camera(name, values) for name in names),
         limits=limits,
         options=options,
+        thresholds=Thresholds(values["watch_rotation_deg"], 1e-3 * values["watch_clock_ms"]),
         results_folder=_folder(values["results_folder"], node_name),
-        **{name: values[name] for name in (*own, *tf)},
+        **{name: values[name] for name in (*own, *watch, *tf)},
     )
 
 
@@ -189,6 +227,8 @@ def _options(values: Mapping[str, Any]) -> Options:
     for spec in OPTION_SPECS:
         group, _, name = spec.name.rpartition(".")
         (nested.setdefault(group, {}) if group else nested)[name] = values[spec.name]
+    distances = parse_yaml(nested["scale"]["distances"], "scale.distances")
+    nested["scale"]["distances"] = () if distances is None else distances
     return options_from_mapping(nested | {"reference": nested["reference"] or None})
 
 
@@ -212,12 +252,19 @@ def declare(node: Any) -> dict[str, Any]:
     InputError
         A value that was given has the wrong type or is out of its range.
     """
-    values = {CAMERAS.name: _declared(node, CAMERAS)}
+    values = {CAMERAS.name: declared(node, CAMERAS)}
     names = require_camera_names(values[CAMERAS.name])
-    return values | {spec.name: _declared(node, spec) for spec in all_specs(names)}
+    return values | {spec.name: declared(node, spec) for spec in all_specs(names)}
 
 
-def _declared(node: Any, spec: Spec) -> Any:
+def declared(node: Any, spec: Spec) -> Any:
+    """Declare one parameter on a node and return its value.
+
+    Raises
+    ------
+    InputError
+        The value that was given has the wrong type or is out of its range.
+    """
     from rclpy.exceptions import ParameterException
 
     try:

@@ -39,9 +39,15 @@ def test_a_reference_may_be_left_to_the_first_camera():
         ({"seed": True}, "option seed: expected int, got True"),
         ({"min_score": True}, "option min_score: expected float, got True"),
         ({"reference": 3}, "option reference: expected text, got 3"),
-        ({"offset_range_s": 0.0}, "offset_range_s must be above 0, got 0.0"),
-        ({"offset_range_s": -1}, "offset_range_s must be above 0, got -1.0"),
-        ({"offset_range_s": float("nan")}, "offset_range_s must be above 0, got nan"),
+        ({"offset_range_s": -1}, "offset_range_s must be at least 0, got -1.0"),
+        ({"offset_range_s": float("nan")}, "offset_range_s must be at least 0, got nan"),
+        (
+            {"registration": {"method": "icp"}},
+            "registration.method must be one of correlation, vmf, got 'icp'",
+        ),
+        ({"vmf": {"initial": "zero"}}, "vmf.initial must be one of random, candidates, got 'ze"),
+        ({"vmf": {"window": 1}}, "vmf.window must be at least 2, got 1"),
+        ({"vmf": {"no_match_rad": 0.0}}, "vmf.no_match_rad must be above 0, got 0.0"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(given, says):

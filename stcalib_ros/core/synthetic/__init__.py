@@ -1,9 +1,21 @@
 """Simulated recordings with a known answer."""
 
+from stcalib_ros.core.synthetic.changes import CameraChange
 from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.options import SceneOptions
+from stcalib_ros.core.synthetic.paper_scene import paper_scene
 from stcalib_ros.core.synthetic.people import PEOPLE, PersonMotion
 from stcalib_ros.core.synthetic.rigs import Rig
 from stcalib_ros.core.synthetic.scene import Scene, simulate
 
-__all__ = ["PEOPLE", "MotionClip", "PersonMotion", "Rig", "Scene", "SceneOptions", "simulate"]
+__all__ = [
+    "PEOPLE",
+    "CameraChange",
+    "MotionClip",
+    "PersonMotion",
+    "Rig",
+    "Scene",
+    "SceneOptions",
+    "paper_scene",
+    "simulate",
+]

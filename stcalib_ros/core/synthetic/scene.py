@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.synthetic.changes import CameraChange
 from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.noise import child_rng
 from stcalib_ros.core.synthetic.observe import Clock, Sightings, observe
@@ -23,7 +24,7 @@ from stcalib_ros.core.types import (
     Status,
 )
 
-_EPOCH_NS = 1_760_000_000 * 10**9
+EPOCH_NS = 1_760_000_000 * 10**9
 _OWNER_SHARE = 0.2
 
 
@@ -74,6 +75,7 @@ def simulate(
     options: SceneOptions | None = None,
     *,
     clips: Sequence[MotionClip] = (),
+    changes: Sequence[CameraChange] = (),
     rng: np.random.Generator | None = None,
 ) -> Scene:
     """Simulate cameras that watch people.
@@ -83,13 +85,17 @@ def simulate(
     options : SceneOptions, optional
     clips : sequence of MotionClip
         Motion capture to compose the people's motion of; without any it is procedural.
+    changes : sequence of CameraChange
+        What happens to cameras on the way; the truth of the scene is what holds before.
     rng : Generator, optional
         Takes the place of ``options.seed``.
     """
     options = options or SceneOptions()
     rng = np.random.default_rng(options.seed) if rng is None else rng
-    rig = _rig(child_rng(rng), options)
+    rig = make_rig(child_rng(rng), options)
     clocks = _clocks(child_rng(rng), options, len(rig.names))
+    own = [[change for change in changes if change.camera == c] for c in range(len(clocks))]
+    clocks = [clock.changed(given) for clock, given in zip(clocks, own, strict=True)]
     exposures = [clock.exposures_s for clock in clocks]
     span = (min(e[0] for e in exposures), max(e[-1] for e in exposures))
     people = make_people(
@@ -97,14 +103,14 @@ def simulate(
     )
     seed = rng.integers(2**63, size=4)
     seen = [
-        observe(np.random.default_rng([*seed, c]), seed, options, rig, c, clock, people)
+        observe(np.random.default_rng([*seed, c]), seed, options, rig, c, clock, people, own[c])
         for c, clock in enumerate(clocks)
     ]
-    recording = Recording(tuple(s.camera for s in seen), _EPOCH_NS)
+    recording = Recording(tuple(s.camera for s in seen), EPOCH_NS)
     return Scene(
         options,
         recording,
-        _truth(rig, clocks, seen, recording.epoch_ns),
+        true_calibration(rig, clocks, seen, recording.epoch_ns),
         rig,
         people,
         tuple(exposures),
@@ -112,7 +118,8 @@ def simulate(
     )
 
 
-def _rig(rng: np.random.Generator, options: SceneOptions) -> Rig:
+def make_rig(rng: np.random.Generator, options: SceneOptions) -> Rig:
+    """The cameras of a scene: those that are given, or a random ring."""
     if options.rig is not None:
         return staged(options.rig, scale=options.rig_scale)
     return ring_rig(
@@ -132,9 +139,10 @@ def _clocks(rng: np.random.Generator, options: SceneOptions, n_cameras: int) -> 
     ]
 
 
-def _truth(
+def true_calibration(
     rig: Rig, clocks: Sequence[Clock], seen: Sequence[Sightings], epoch_ns: int
 ) -> Calibration:
+    """True poses, clocks and persons, in the frame and clock of the first camera, metres."""
     R_ref_cam = rig.R_cam_world[0] @ rig.R_cam_world.swapaxes(1, 2)
     t_ref_cam = rig.centres_world @ rig.R_cam_world[0].T + rig.t_cam_world[0]
     R_ref_cam[0], t_ref_cam[0] = np.eye(3), 0.0

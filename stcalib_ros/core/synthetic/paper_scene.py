@@ -1,0 +1,119 @@
+"""Scenes of the paper's own experiments: noise on the true 3D points ("Robustness to Noise")."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.synthetic.clips import MotionClip
+from stcalib_ros.core.synthetic.noise import child_rng
+from stcalib_ros.core.synthetic.observe import Clock, Sightings, make_tracks
+from stcalib_ros.core.synthetic.options import SceneOptions
+from stcalib_ros.core.synthetic.people import PersonMotion, make_people
+from stcalib_ros.core.synthetic.rigs import Rig, image_of
+from stcalib_ros.core.synthetic.scene import EPOCH_NS, Scene, make_rig, true_calibration
+from stcalib_ros.core.synthetic.skeleton import LAYOUT
+from stcalib_ros.core.types import CameraRecording, FloatArray, Recording
+
+_MIN_KEYPOINTS = 6
+
+
+def paper_scene(
+    options: SceneOptions | None = None,
+    *,
+    offset_frames: float | Sequence[float] = 5.0,
+    hidden: Mapping[int, Sequence[int]] | None = None,
+    clips: Sequence[MotionClip] = (),
+    rng: np.random.Generator | None = None,
+) -> Scene:
+    """Simulate the paper's synthetic observations.
+
+    The true joints are moved into the frame of each camera, and Gaussian noise is put on them so
+    that their images are off by ``sigma_px`` per axis. Key points and 3D poses are of the same
+    noisy points, and every person is one track: the paper takes the tracking as known.
+
+    Parameters
+    ----------
+    options : SceneOptions, optional
+        Cameras, people, frames, frame rate (one for all), ``sigma_px`` and ``seed``; its other
+        errors are not simulated.
+    offset_frames : float or sequence of float
+        Clock offset of every camera but the first, or of each of these.
+    hidden : mapping of int to sequence of int, optional
+        Per camera (index), people that it never sees.
+    clips : sequence of MotionClip
+        Motion capture to compose the people's motion of; without any it is procedural.
+    rng : Generator, optional
+        Takes the place of ``options.seed``.
+    """
+    options = options or SceneOptions()
+    rng = np.random.default_rng(options.seed) if rng is None else rng
+    rig = make_rig(child_rng(rng), options)
+    clocks = _clocks(options, len(rig.names), offset_frames)
+    span = (
+        min(clock.exposures_s[0] for clock in clocks),
+        max(clock.exposures_s[-1] for clock in clocks),
+    )
+    people = make_people(
+        child_rng(rng), options.people, options.n_people, span, options.area_radius_m, clips
+    )
+    seen = [
+        _observe(child_rng(rng), options, rig, c, clock, people, (hidden or {}).get(c, ()))
+        for c, clock in enumerate(clocks)
+    ]
+    recording = Recording(tuple(s.camera for s in seen), EPOCH_NS)
+    return Scene(
+        options,
+        recording,
+        true_calibration(rig, clocks, seen, recording.epoch_ns),
+        rig,
+        people,
+        tuple(clock.exposures_s for clock in clocks),
+        {s.camera.name: s.track_persons for s in seen},
+    )
+
+
+def _clocks(
+    options: SceneOptions, n_cameras: int, offset_frames: float | Sequence[float]
+) -> list[Clock]:
+    fps = options.rates(n_cameras)[0]
+    given = np.atleast_1d(np.asarray(offset_frames, dtype=float))
+    others = np.repeat(given, n_cameras - 1) if len(given) == 1 else given
+    if len(others) != n_cameras - 1:
+        raise InputError(
+            f"offset_frames: {len(others)} offsets for {n_cameras - 1} cameras after the first"
+        )
+    nominal: FloatArray = np.arange(options.n_frames, dtype=np.float64) / fps
+    return [Clock(nominal, nominal + d / fps, float(d) / fps, 0.0) for d in (0.0, *others)]
+
+
+def _observe(
+    rng: np.random.Generator,
+    options: SceneOptions,
+    rig: Rig,
+    camera: int,
+    clock: Clock,
+    people: Sequence[PersonMotion],
+    hidden: Sequence[int],
+) -> Sightings:
+    """One camera: noisy points, their images, and tracks that are the people themselves."""
+    lens, R, t = rig.intrinsics[camera], rig.R_cam_world[camera], rig.t_cam_world[camera]
+    truth = np.stack([person(clock.exposures_s) @ R.T + t for person in people], axis=1)
+    focal = float(np.sqrt(lens.K[0, 0] * lens.K[1, 1]))
+    metres = options.sigma_px * np.abs(truth[..., 2:]) / focal
+    joints = truth + metres * rng.standard_normal(truth.shape)
+    keypoints = image_of(joints, lens)
+    visible = np.isfinite(keypoints[..., 0]).sum(-1) >= _MIN_KEYPOINTS
+    visible[:, list(hidden)] = False
+    ids = np.where(visible, np.arange(len(people)), -1)
+    scores = np.isfinite(keypoints[..., 0]).astype(float)
+    tracks, persons = make_tracks(ids, keypoints, joints, scores)
+    name = rig.names[camera]
+    recording = CameraRecording(
+        name, f"{name}_optical_frame", lens, LAYOUT, clock.stamps, tracks, metric=True
+    )
+    noise = (keypoints - image_of(truth, lens))[visible]
+    known = np.isfinite(noise[..., 0])
+    return Sightings(recording, persons, int(known.sum()), float(np.sum(noise[known] ** 2)))
