@@ -27,7 +27,7 @@ _STEPS = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiftedTrack:
-    """One track in the metric frame of its camera.
+    """One track in the metric frame of its camera, as precise as the recording is.
 
     Attributes
     ----------
@@ -84,10 +84,10 @@ def _lift_camera(
 ) -> LiftedCamera:
     tracks = []
     for track in camera.tracks:
-        scores = track.scores[:, columns]
+        scores, precision = track.scores[:, columns], track.keypoints.dtype
         pixels = np.where((scores >= min_score)[..., None], track.keypoints[:, columns], np.nan)
         x, focal = bearings(pixels, camera.intrinsics)
-        joints = track.joints[:, columns]
+        joints = track.joints[:, columns].astype(np.float64)
         if not camera.metric:
             joints = joints * _body_scale(joints, skeleton)
         joints_cam = lift(joints, x, steps=steps)
@@ -97,9 +97,7 @@ def _lift_camera(
                 LiftedTrack(
                     track.track_id,
                     track.frames[usable],
-                    x[usable],
-                    focal[usable],
-                    joints_cam[usable],
+                    *(one[usable].astype(precision) for one in (x, focal, joints_cam)),
                 )
             )
     return LiftedCamera(camera.name, camera.stamps, tuple(tracks))
