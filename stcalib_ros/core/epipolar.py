@@ -155,32 +155,36 @@ def refine_pair(
     if len(c.x_a) < _MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
         return None
     start = h
-    cost, scale = _cost(h, c, start)
+    r = _distances_px(h, c)
+    cost, scale = _cost(h, r, start)
     for _ in range(iterations):
         trial = _step(h, c, start, scale, damping, max_lag_step=max_lag_step)
         c_trial = matched.at(trial.lag_s)
         if len(c_trial.x_a) < _MIN_POINTS:
             return None
-        if (trial_cost := _cost(trial, c_trial, start, scale)[0]) < cost:
+        r_trial = _distances_px(trial, c_trial)
+        if (trial_cost := _cost(trial, r_trial, start, scale)[0]) < cost:
             converged = cost - trial_cost < 1e-3 * cost
-            h, c, damping = trial, c_trial, damping / 5.0
-            cost, scale = _cost(h, c, start)
+            h, c, r, damping = trial, c_trial, r_trial, damping / 5.0
+            cost, scale = _cost(h, r, start)
             if converged:
                 break
         else:
             damping *= 10.0
             if damping > 1e3:
                 break
-    residual = sampson(hat(h.t_a_b) @ h.R_a_b, c.x_a, c.x_b) * c.focal
     h = _metric_length(h, *matched.bodies(h.lag_s))
-    return replace(h, epipolar_px=float(np.median(np.abs(residual))))
+    return replace(h, epipolar_px=float(np.median(np.abs(r))))
+
+
+def _distances_px(h: PairHypothesis, c: Correspondences) -> FloatArray:
+    return sampson(hat(h.t_a_b) @ h.R_a_b, c.x_a, c.x_b) * c.focal
 
 
 def _cost(
-    h: PairHypothesis, c: Correspondences, start: PairHypothesis, scale: float | None = None
+    h: PairHypothesis, r: FloatArray, start: PairHypothesis, scale: float | None = None
 ) -> tuple[float, float]:
     """Cauchy loss in units of `scale` (its own, from the MAD, unless given) plus the prior."""
-    r = sampson(hat(h.t_a_b) @ h.R_a_b, c.x_a, c.x_b) * c.focal
     if scale is None:
         scale = max(_NOISE_FLOOR_PX, 1.5 * 1.48 * float(np.median(np.abs(r))))
     data = float(np.log1p((r / scale) ** 2).mean()) * len(r) / _CORRELATED
