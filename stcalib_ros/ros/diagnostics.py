@@ -10,6 +10,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from stcalib_ros.core.watch.verdict import Verdict
+from stcalib_ros.io.schemas import CAMERA_INFO, POSES
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts
 from stcalib_ros.ros.load import Load
@@ -51,14 +52,24 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
     lacking = []
     if counts.age_s > STARVED_S:
         ago = "none has come" if counts.received == 0 else f"the last came {counts.age_s:.0f} s ago"
-        lacking.append(f"waits for poses, {ago}: {publishers_of(node, camera.pose_topic)}")
+        there = publishers_of(node, camera.pose_topic, POSES)
+        lacking.append(f"waits for poses, {ago}: {there}")
     if not counts.has_info:
-        lacking.append(f"waits for CameraInfo: {publishers_of(node, camera.info_topic)}")
+        there = publishers_of(node, camera.info_topic, CAMERA_INFO)
+        lacking.append(f"waits for CameraInfo: {there}")
     return "; ".join(lacking)
 
 
-def publishers_of(node: Any, topic: str) -> str:
-    """Topic, as it is after remapping, with its publishers, their types and QoS, in words."""
+def publishers_of(node: Any, topic: str, type_name: str = "") -> str:
+    """Topic, as it is after remapping, with its publishers, their types and QoS, in words.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    topic : str
+    type_name : str
+        What is expected there: it is said if nobody sends that; empty: anything.
+    """
     name = node.resolve_topic_name(topic)
     infos = node.get_publishers_info_by_topic(name)
     if not infos:
@@ -68,7 +79,10 @@ def publishers_of(node: Any, topic: str) -> str:
         f"{i.qos_profile.reliability.name}, {i.qos_profile.durability.name})"
         for i in infos
     ]
-    return f"{name} is published by {', '.join(described)}"
+    there = f"{name} is published by {', '.join(described)}"
+    if type_name and all(i.topic_type != type_name for i in infos):
+        return f"{there}, but not as {type_name}"
+    return there
 
 
 def camera_status(
@@ -77,7 +91,7 @@ def camera_status(
     """Status of one camera.
 
     One that is starved, or for which the calibration does not hold any more, is an error; one that
-    drops messages or sees nobody a warning.
+    drops messages or sends nothing but NaN a warning.
     """
     level, message = DiagnosticStatus.OK, "receiving"
     if lack:
@@ -85,6 +99,8 @@ def camera_status(
     elif verdict is not None and verdict.state.alarm:
         level = DiagnosticStatus.ERROR if verdict.state.changed else DiagnosticStatus.WARN
         message = verdict.sentence()
+    elif counts.blind:
+        level, message = DiagnosticStatus.WARN, "persons, but not one key point is a number"
     elif counts.dropped:
         level, message = DiagnosticStatus.WARN, f"dropped messages: {counts.last_problem}"
     values = {
@@ -96,6 +112,7 @@ def camera_status(
         "moving_s": counts.moving_s,
         "received": counts.received,
         "dropped": counts.dropped,
+        "set_aside": counts.set_aside,
         "flushes": counts.flushes,
         "last_problem": counts.last_problem,
         **_watch_values(verdict),
