@@ -21,6 +21,7 @@ from stcalib_ros.core.checks import (
 from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.epipolar import refine_pair
 from stcalib_ros.core.errors import Cancelled
+from stcalib_ros.core.final.refine import refine
 from stcalib_ros.core.hypotheses import PairHypothesis, register_pair
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import Options
@@ -69,7 +70,8 @@ class Stages:
     rigs : tuple of Rig
         Of the multi-view integration (MI), best first.
     rounds : tuple of Round
-        Of the adjustment: the first is STBA, the last ISTBA.
+        Of the adjustment: the first is STBA, then ISTBA; where key points lean one way, one more
+        without that.
     calibration : Calibration
     placement : Placement or None
         How the calibration lies in the world; None without cameras.
@@ -206,9 +208,9 @@ class _Run:
         complaint = None if rival is None else self._rivalry(start, rival)
         while True:
             self.rounds = self._iterate(start)
+            covariance = self._refine()
             last = self.rounds[-1]
             self.tick("quality", 0.0)
-            covariance = pose_covariance(last.observations, last.state)
             found = self._evidence(last, covariance)
             bad = [i for i, e in enumerate(found) if e.complaint() is not None]
             if not bad or complaint or 2 * len(bad) >= len(found):
@@ -369,6 +371,16 @@ class _Run:
             if not isinstance(result, Unconnected):
                 return result
             start = self._start(self._largest(start.rig, result))
+
+    def _refine(self) -> FloatArray:
+        """Adjust together with the biases of the key points; the covariance of the result."""
+        last = self.rounds[-1]
+        self._tick_round(1.0, last)
+        refined = refine(self.lifted, last, self.skeleton.layout, self.options.bundle)
+        if refined is None:
+            return pose_covariance(last.observations, last.state)
+        self.rounds += (refined.round,)
+        return refined.covariance
 
     def _tick_round(self, fraction: float, before: Round) -> None:
         if self.adjusted is not None:

@@ -31,9 +31,9 @@ from stcalib_ros.core.reduction import (
 )
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
-_CAUCHY = 2.385
-_RAYLEIGH_MEDIAN = 1.17741
-_MIN_SCALE_PX = 0.5
+CAUCHY = 2.385
+RAYLEIGH_MEDIAN = 1.17741
+MIN_SCALE_PX = 0.5
 _LEAST_SHARE = 0.2
 _MIN_RENEWALS = 8
 
@@ -181,7 +181,7 @@ def robust_scale(errors: FloatArray, used: BoolArray) -> float:
     if not known.any():
         return float("nan")
     share = 1.0 - 1.5 * float((known.sum(1) >= 2).sum()) / float(known.sum())
-    sigma = float(np.median(errors[known])) / _RAYLEIGH_MEDIAN
+    sigma = float(np.median(errors[known])) / RAYLEIGH_MEDIAN
     return sigma / float(np.sqrt(max(share, _LEAST_SHARE)))
 
 
@@ -209,7 +209,7 @@ def adjust(
         Read V from the trajectories again after every step; else it stays as it is.
     """
     damping = 1e-5
-    scale = _CAUCHY * max(robust_scale(errors_px(o, state), state.used), _MIN_SCALE_PX)
+    scale = CAUCHY * max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
     problem = _Problem(o, state, scale)
     least = _MIN_RENEWALS if renew_velocities else 0
     for step in range(iterations):
@@ -249,8 +249,8 @@ def cluster_scores(
     scores : (7 C, n) ndarray
         Share of each cluster in the gradient; their sum is ``system.g``.
     """
-    sigma = max(robust_scale(errors_px(o, state), state.used), _MIN_SCALE_PX)
-    problem = _Problem(o, state, _CAUCHY * sigma)
+    sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
+    problem = _Problem(o, state, CAUCHY * sigma)
     labels, n = cluster.ravel(), int(cluster.max(initial=-1)) + 1
     scores = np.zeros((CAMERA * len(state.t_cam_ref), n))
     for block, at in problem.linearised():
@@ -306,7 +306,7 @@ class _Problem:
         system, eliminated = self.reduce(damping)
         d_camera = -solve_reduced(system, self.cameras.t, synchronised=self.state.synchronised)
         flat = d_camera.ravel()
-        length = np.sqrt(max(float(flat @ system.H @ flat), 0.0)) * _CAUCHY / self.scale
+        length = np.sqrt(max(float(flat @ system.H @ flat), 0.0)) * CAUCHY / self.scale
         cameras = Cameras(
             exp_so3(d_camera[:, :3]) @ self.cameras.R,
             self.cameras.t + d_camera[:, 3:6],
