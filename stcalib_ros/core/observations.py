@@ -55,6 +55,11 @@ class Observations:
             self, x=self.x[:, :, ::n], focal=self.focal[:, :, ::n], seen=self.seen[:, :, ::n]
         )
 
+    def only(self, rows: IntArray | BoolArray) -> Observations:
+        """The same with some rows only."""
+        names = ("person", "knot", "track", "phi", "x", "focal", "seen")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
 
 def observe(
     cameras: Sequence[LiftedCamera], rig: Rig, association: Association, *, step_s: float

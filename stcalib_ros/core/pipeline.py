@@ -21,6 +21,7 @@ from stcalib_ros.core.checks import (
 from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.epipolar import refine_pair
 from stcalib_ros.core.errors import Cancelled
+from stcalib_ros.core.final.clock_rate import with_clock_rates
 from stcalib_ros.core.final.refine import refine
 from stcalib_ros.core.hypotheses import PairHypothesis, register_pair
 from stcalib_ros.core.lift import LiftedCamera
@@ -373,14 +374,17 @@ class _Run:
             start = self._start(self._largest(start.rig, result))
 
     def _refine(self) -> FloatArray:
-        """Adjust together with the biases of the key points; the covariance of the result."""
-        last = self.rounds[-1]
-        self._tick_round(1.0, last)
-        refined = refine(self.lifted, last, self.skeleton.layout, self.options.bundle)
-        if refined is None:
-            return pose_covariance(last.observations, last.state)
-        self.rounds += (refined.round,)
-        return refined.covariance
+        """Adjust with the biases of the key points and clock rates; covariance of the result."""
+        bundle = self.options.bundle
+        self._tick_round(1.0, self.rounds[-1])
+        refined = refine(self.lifted, self.rounds[-1], self.skeleton.layout, bundle)
+        if refined is not None:
+            self.rounds += (refined.round,)
+        last = with_clock_rates(self.rounds[-1], bundle)
+        self.rounds = (*self.rounds[:-1], last)
+        if refined is not None:
+            return refined.covariance
+        return pose_covariance(last.observations, last.state)
 
     def _tick_round(self, fraction: float, before: Round) -> None:
         if self.adjusted is not None:

@@ -68,6 +68,11 @@ class BundleState:
     used: BoolArray
     synchronised: bool = False
 
+    def only(self, rows: IntArray | BoolArray) -> BundleState:
+        """The same with some rows only."""
+        names = ("X", "V", "A", "used")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
 
 def initial_state(o: Observations, rig: Rig) -> BundleState:
     """Triangulate everything with the poses of a rig and estimate the velocities.
@@ -229,6 +234,35 @@ def adjust(
             if damping > 1e4:
                 break
     return problem.state_of(state)
+
+
+def reduced_by_group(
+    o: Observations, state: BundleState, group: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Undamped reduced normal equations of groups of rows.
+
+    Parameters
+    ----------
+    o : Observations
+    state : BundleState
+    group : (N,) ndarray of int
+        Number of the group of each row.
+
+    Returns
+    -------
+    H : (K, 7 C, 7 C) ndarray
+    g : (K, 7 C) ndarray
+        Both in units of the noise of the image points.
+    """
+    sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
+    H, g = [], []
+    for k in range(int(group.max()) + 1):
+        rows = np.flatnonzero(group == k)
+        problem = _Problem(o.only(rows), state.only(rows), CAUCHY * sigma, cost=0.0)
+        system, _ = problem.reduce(0.0)
+        H.append(system.H / sigma**2)
+        g.append(system.g / sigma**2)
+    return np.stack(H), np.stack(g)
 
 
 def cluster_scores(

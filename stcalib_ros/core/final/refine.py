@@ -91,11 +91,9 @@ def _thinned(last: Round) -> tuple[Observations, stba.BundleState]:
     o, s = last.observations, last.state
     every = max(1, round(int(s.used.sum()) / _IMAGE_POINTS))
     rows: IntArray = np.arange(0, len(o.person), every)
-    names = ("person", "knot", "track", "phi", "x", "focal", "seen")
-    thin = replace(o, **{name: getattr(o, name)[rows] for name in names})
-    used = s.used[rows]
-    used = used & (used.sum(1) >= 2)[:, None]
-    return thin, replace(s, X=s.X[rows], V=s.V[rows], A=s.A[rows], used=used)
+    thin = s.only(rows)
+    used = thin.used & (thin.used.sum(1) >= 2)[:, None]
+    return o.only(rows), replace(thin, used=used)
 
 
 def _adjusted(
