@@ -97,7 +97,7 @@ def associate(
     samples = [_sample(camera, rig, i, times) for i, camera in enumerate(members)]
     distance = _distances(samples, rig)
     tolerance = _tolerance(distance, floor_px)
-    chain = _Chain([len(s.x) for s in samples], n_slots)
+    chain = Chain([len(s.x) for s in samples], n_slots)
     for s in range(n_slots):
         chain.add(s, _agglomerate(samples, distance, s, tolerance))
     typical = tolerance / _TOLERANCE_FACTOR
@@ -269,7 +269,7 @@ def _average_link(cost: FloatArray, known: FloatArray, apart: BoolArray) -> list
     return groups
 
 
-class _Chain:
+class Chain:
     """Persons through time: groups of successive slots that share tracks are one person."""
 
     def __init__(self, n_tracks: Sequence[int], n_slots: int) -> None:

@@ -61,6 +61,30 @@ def connected_groups(
     return sorted(members, key=len, reverse=True)
 
 
+def spanning_tree(
+    a: IntArray, b: IntArray, order: IntArray, n_nodes: int
+) -> list[tuple[int, bool]]:
+    """Prim's algorithm from node 0: edges, and whether they lead from a to b.
+
+    Parameters
+    ----------
+    a, b : (E,) ndarray of int
+        Nodes that each edge ties; all of them hang together.
+    order : (E,) ndarray of int
+        Edges, the most wanted first.
+    n_nodes : int
+    """
+    reached = np.zeros(n_nodes, dtype=bool)
+    reached[0] = True
+    edges = []
+    while not reached.all():
+        leads_out = np.flatnonzero(reached[a[order]] != reached[b[order]])
+        e = int(order[leads_out[0]])
+        edges.append((e, bool(reached[a[e]])))
+        reached[a[e]] = reached[b[e]] = True
+    return edges
+
+
 def integrate(
     cameras: Sequence[int],
     hypotheses: Sequence[PairHypothesis],
@@ -123,7 +147,7 @@ class _Graph:
         for k in range(n_trees):
             noise = rng.gumbel(size=len(self.weight)) * (1.0 if k else 0.0)
             order = np.argsort(-(np.log(self.weight) + noise), kind="stable")
-            for e, forward in self._tree(order):
+            for e, forward in spanning_tree(self.a, self.b, order, C):
                 a, b = self.a[e], self.b[e]
                 if forward:
                     R[k, b] = R[k, a] @ self.R[e]
@@ -134,19 +158,6 @@ class _Graph:
                     t[k, a] = t[k, b] - R[k, a] @ self.t[e]
                     offset[k, a] = offset[k, b] + self.lag[e]
         return R, t, offset
-
-    def _tree(self, order: IntArray) -> list[tuple[int, bool]]:
-        """Prim's algorithm from the reference: edges and whether they lead from a to b."""
-        a, b = self.a[order], self.b[order]
-        reached = np.zeros(len(self.cameras), dtype=bool)
-        reached[0] = True
-        edges = []
-        while not reached.all():
-            leads_out = np.flatnonzero(reached[a] != reached[b])
-            e = leads_out[0]
-            edges.append((int(order[e]), bool(reached[a[e]])))
-            reached[a[e]] = reached[b[e]] = True
-        return edges
 
     def residuals(
         self, R: FloatArray, t: FloatArray, offset: FloatArray

@@ -17,12 +17,16 @@ from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.epipolar import refine_pair
 from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.hypotheses import PairHypothesis, register_pair
-from stcalib_ros.core.lift import LiftedCamera, lift_recording
+from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import Options
+from stcalib_ros.core.paper.merge import merge
+from stcalib_ros.core.paper.pairs import Views, lift_views, register_pairs
+from stcalib_ros.core.paper.posegraph import optimise
+from stcalib_ros.core.paper.stba import adjust_rounds
 from stcalib_ros.core.quality import CameraEvidence, evidence
 from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
-from stcalib_ros.core.skeleton import Skeleton, common_skeleton
+from stcalib_ros.core.skeleton import Skeleton
 from stcalib_ros.core.timeline import common_step, sample_camera
 from stcalib_ros.core.types import (
     Calibration,
@@ -145,10 +149,8 @@ class _Run:
     def stages(self) -> Stages:
         first = require_reference(self.recording, self.options)
         self.tick("lift", 0.0)
-        self.skeleton = common_skeleton(self.recording)
-        self.lifted = lift_recording(
-            self.recording, self.skeleton, min_score=self.options.min_score
-        )
+        views = lift_views(self.recording, self.options)
+        self.skeleton, self.lifted = views.skeleton, views.lifted
         try:
             calibration = self._calibration(first)
         except Insufficient as why:
@@ -166,6 +168,8 @@ class _Run:
         selection = select_cameras(self.lifted, first, self.options)
         self.rejected = list(selection.rejected)
         self.step_s = common_step([self.lifted[c] for c in selection.cameras])
+        if self.options.registration.method == "vmf":
+            return self._by_the_paper(selection.cameras)
         self.hypotheses = self._register(selection.cameras)
         group = self._group(selection.cameras)
         self.tick("integration", 0.0)
@@ -183,13 +187,7 @@ class _Run:
             self.rounds = self._iterate(start)
             last = self.rounds[-1]
             covariance = pose_covariance(last.observations, last.state)
-            found = evidence(
-                self.lifted,
-                self.skeleton,
-                last,
-                covariance,
-                offset_range_s=self.options.offset_range_s,
-            )
+            found = self._evidence(last, covariance)
             bad = [i for i, e in enumerate(found) if e.complaint() is not None]
             if not bad or complaint or 2 * len(bad) >= len(found):
                 return self._verdict(covariance, complaint, found)
@@ -197,11 +195,73 @@ class _Run:
             self._reject(last.rig, [worst], str(found[worst].complaint()))
             start = self._start(sub_rig(last.rig, _all_but(len(found), [worst])))
 
-    def _register(self, cameras: Sequence[int]) -> tuple[PairHypothesis, ...]:
-        """Pairwise registration and two-view refinement of all pairs of cameras."""
+    def _by_the_paper(self, cameras: Sequence[int]) -> Calibration:
+        """The paper's own stages, from pairwise registration to ISTBA."""
+        start, n = self._grid(cameras)
+        window = self.options.vmf.window
+        pairs = register_pairs(
+            Views(self.skeleton, self.lifted),
+            cameras,
+            self.options,
+            start_s=start,
+            step_s=self.step_s,
+            n=n,
+            tick=lambda fraction: self.tick("pairwise registration", fraction),
+        )
+        self.hypotheses = tuple(pair.hypothesis for pair in pairs)
+        group = self._group(cameras)
+        self.tick("integration", 0.0)
+        rig = optimise(
+            group,
+            [h for h in self.hypotheses if h.a in group and h.b in group],
+            synchronised=self.options.synchronised,
+        )
+        self.rigs = (rig,)
+        while True:
+            inside = set(rig.cameras.tolist())
+            association = merge(
+                self.lifted,
+                rig,
+                [p for p in pairs if {p.hypothesis.a, p.hypothesis.b} <= inside],
+                start_s=start,
+                step_s=self.step_s,
+                window=window,
+            )
+            result = adjust_rounds(
+                self.lifted,
+                rig,
+                association,
+                self.options.bundle,
+                step_s=self.step_s,
+                window=window,
+                tick=lambda fraction: self.tick("bundle adjustment", fraction),
+            )
+            if not isinstance(result, Unconnected):
+                break
+            rig = self._largest(rig, result)
+        self.rounds = result
+        last = self.rounds[-1]
+        covariance = pose_covariance(last.observations, last.state)
+        return self._verdict(covariance, None, self._evidence(last, covariance))
+
+    def _grid(self, cameras: Sequence[int]) -> tuple[float, int]:
+        """Time of the first sample and number of samples that hold all images of some cameras."""
         start = min(float(self.lifted[c].stamps[0]) for c in cameras)
         end = max(float(self.lifted[c].stamps[-1]) for c in cameras)
-        n = int((end - start) / self.step_s) + 1
+        return start, int((end - start) / self.step_s) + 1
+
+    def _evidence(self, last: Round, covariance: FloatArray) -> tuple[CameraEvidence, ...]:
+        return evidence(
+            self.lifted,
+            self.skeleton,
+            last,
+            covariance,
+            offset_range_s=self.options.offset_range_s,
+        )
+
+    def _register(self, cameras: Sequence[int]) -> tuple[PairHypothesis, ...]:
+        """Pairwise registration and two-view refinement of all pairs of cameras."""
+        start, n = self._grid(cameras)
         grids = {
             c: sample_camera(self.lifted[c], self.skeleton, start=start, step=self.step_s, n=n)
             for c in cameras

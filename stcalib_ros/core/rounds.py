@@ -204,17 +204,25 @@ def _round(
     )
     if last:
         state = drop_outliers(observations, state, o)
+    return finish_round(
+        rig, association, observations, state, total, coverage=J / observations.x.shape[2]
+    )
+
+
+def finish_round(
+    rig: Rig,
+    association: Association,
+    observations: Observations,
+    state: stba.BundleState,
+    total: IntArray,
+    *,
+    coverage: float = 1.0,
+) -> Round:
+    """The record of a round that started from a rig; `total` image points (C,) in all."""
     errors = stba.errors_px(observations, state)
     median = float(np.median(errors[state.used & np.isfinite(errors)]))
-    return Round(
-        _rig_of(state, rig),
-        association,
-        observations,
-        state,
-        median,
-        coverage=J / observations.x.shape[2],
-        share=float((state.used.sum((0, 2)) / np.maximum(total, 1)).min()),
-    )
+    share = float((state.used.sum((0, 2)) / np.maximum(total, 1)).min())
+    return Round(_rig_of(state, rig), association, observations, state, median, coverage, share)
 
 
 def image_points(members: Sequence[LiftedCamera]) -> IntArray:

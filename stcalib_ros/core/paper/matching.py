@@ -46,7 +46,7 @@ def mean_angles(
     return out
 
 
-def match(angles: FloatArray, no_match_rad: float) -> tuple[FloatArray, BoolArray]:
+def match(angles: FloatArray, no_match_rad: float) -> BoolArray:
     """Best one-to-one association A of every window, where nobody is matched at a larger angle.
 
     Parameters
@@ -58,14 +58,11 @@ def match(angles: FloatArray, no_match_rad: float) -> tuple[FloatArray, BoolArra
 
     Returns
     -------
-    cost : (W, P) ndarray
-        Angle of the match of each target person, or `no_match_rad`.
-    A : (W, P, Q) ndarray of bool
+    (W, P, Q) ndarray of bool
     """
     A = np.zeros(angles.shape, dtype=bool)
     capped = np.minimum(angles, no_match_rad)
     for w, window in enumerate(capped):
         p, q = linear_sum_assignment(window)
         A[w, p, q] = window[p, q] < no_match_rad
-    cost = np.where(A, capped, 0.0).sum(-1)
-    return np.where(A.any(-1), cost, no_match_rad), A
+    return A

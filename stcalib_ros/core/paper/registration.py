@@ -24,7 +24,9 @@ from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _MAX_SUBSETS = 30
 _FINALISTS = 24
-_REFITS = 3
+_REFITS = 2
+_OUTLIER_FACTOR = 2.0
+_LEAST_LIMIT_RAD = 0.1
 _MIN_POINTS = 8
 _SHORTEST_M = 1e-3
 
@@ -99,6 +101,7 @@ class _Search:
     ) -> None:
         self.target, self.source, self.starts, self.lags = target, source, starts, lags
         self.o, self.rng = o, rng
+        self.ransac = 0 < o.n_hypothesised < len(source.v)
         samples = samples_of(starts, o.window, np.zeros((), dtype=np.int64))
         self.v, self.known = take(target.v, samples), take(target.known, samples)
         model, seen = source_model(source, starts, lags, o.window)
@@ -113,15 +116,46 @@ class _Search:
         n_persons = len(self.source.v)
         ransac = 0 < self.o.n_hypothesised < n_persons
         subsets = self._subsets(n_persons) if ransac else [list(range(n_persons))]
+        hypothesised = np.zeros((len(subsets), n_persons), dtype=bool)
+        np.put_along_axis(hypothesised, np.array(subsets), values=True, axis=-1)
         R = np.stack([self._fitted(subset) for subset in subsets])
-        R, lag = self._finalists(R)
-        for _ in range(_REFITS if ransac else 0):
-            A = self._associate(R, lag)[1]
-            S = np.einsum("hwpq,hwpqij->hij", A * 1.0, self.evidence.B[lag], optimize=True)
-            R = np.where((A.sum((1, 2, 3)) > 0)[:, None, None], best_rotation(S), R)
-        cost, A = self._associate(R, lag)
+        R, lag, which = self._finalists(R, hypothesised)
+        limit = self.o.no_match_rad
+        if ransac:
+            sources = hypothesised[which]
+            R = self._refitted(R, lag, sources, limit)
+            usual = max(_OUTLIER_FACTOR * self._least_cost(R, lag, sources), _LEAST_LIMIT_RAD)
+            limit = min(limit, usual)
+            R = self._refitted(R, lag, np.ones_like(sources), limit)
+        angles, A = self._associate(R, lag, limit)
+        each = np.where(A.any(-1), np.where(A, angles, 0.0).sum(-1), limit)
+        seen: BoolArray = np.asarray(self.evidence.frames > 0)
+        if not seen.any():
+            return None
+        cost = np.where(seen, each, 0.0).sum((1, 2)) / seen.sum()
         k = int(cost.argmin())
         return (R[k], int(lag[k]), A[k], float(cost[k])) if A[k].any() else None
+
+    def _refitted(
+        self, R: FloatArray, lag: IntArray, sources: BoolArray, limit: float
+    ) -> FloatArray:
+        """Rotations on all matches with some source persons (H, Q), matched again and again."""
+        for _ in range(_REFITS):
+            A = self._associate(R, lag, limit)[1] & sources[:, None, None]
+            S = np.einsum("hwpq,hwpqij->hij", A * 1.0, self.evidence.B[lag], optimize=True)
+            R = np.where((A.sum((1, 2, 3)) > 0)[:, None, None], best_rotation(S), R)
+        return R
+
+    def _least_cost(self, R: FloatArray, lag: IntArray, sources: BoolArray) -> float:
+        """Mean angle of the matches of the hypothesised persons (H, Q), of the best hypothesis."""
+        limit = self.o.no_match_rad
+        angles, A = self._associate(R, lag, limit)
+        each = np.where(A.any(2), np.where(A, angles, 0.0).sum(2), limit)
+        present: BoolArray = np.asarray(self.evidence.present.any(2))
+        asked = np.where(sources[:, None] & present[lag], 1.0, 0.0)
+        n = asked.sum((1, 2))
+        mean = (asked * each).sum((1, 2)) / np.maximum(n, 1.0)
+        return float(np.where(n > 0, mean, limit).min())
 
     def _subsets(self, n_persons: int) -> list[list[int]]:
         """Source persons hypothesised to be seen in the target view as well."""
@@ -147,29 +181,33 @@ class _Search:
         q = self.rng.standard_normal((L, self.o.n_starts, 4))
         return matrix_from_quaternion(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
-    def _finalists(self, R: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Of hypotheses (subset, offset) those with the least angle to the mean directions."""
+    def _finalists(
+        self, R: FloatArray, hypothesised: BoolArray
+    ) -> tuple[FloatArray, IntArray, IntArray]:
+        """Of hypotheses (subset, offset) those with the least angle to the mean directions.
+
+        Rotations (H, 3, 3), and indices of the offset and of the subset (H,).
+        """
         N, L = R.shape[:2]
         _, W, P, Q = self.count.shape
         flat = R.swapaxes(0, 1).reshape(L, N, 9)
         fit = flat @ self.plain.B.reshape(L, -1, 9).swapaxes(1, 2)
         mean = fit.reshape(L, N, W, P, Q) / np.maximum(self.count, 1.0)[:, None]
-        angle = np.arccos(np.clip(mean, -1.0, 1.0))
         usable = (self.count > 0) & self.evidence.present
-        angle = np.where(usable[:, None], angle, np.inf).min(-1)
-        cost = np.minimum(angle, self.o.no_match_rad).sum((-2, -1)).T
+        angle = np.where(usable[:, None], np.arccos(np.clip(mean, -1.0, 1.0)), np.inf)
+        nearest = np.minimum(angle.min(3), self.o.no_match_rad)
+        cost = np.einsum("lnwq,nq->nl", nearest, hypothesised * 1.0)
         kept = np.argsort(cost.ravel(), kind="stable")[:_FINALISTS]
-        return R.reshape(-1, 3, 3)[kept], np.asarray(kept % L)
+        return R.reshape(-1, 3, 3)[kept], np.asarray(kept % L), np.asarray(kept // L)
 
-    def _associate(self, R: FloatArray, lag: IntArray) -> tuple[FloatArray, BoolArray]:
-        """Costs (H,) and associations (H, W, P, Q) of hypotheses."""
+    def _associate(
+        self, R: FloatArray, lag: IntArray, limit: float
+    ) -> tuple[FloatArray, BoolArray]:
+        """Mean angles and associations, both (H, W, P, Q), of hypotheses."""
         samples = samples_of(self.starts, self.o.window, self.lags[lag])
         there, known = take(self.source.v, samples), take(self.source.known, samples)
         angles = mean_angles(self.v, self.known, there, known, R)
-        seen = self.evidence.frames > 0
-        found = [match(one, self.o.no_match_rad) for one in angles]
-        cost = np.array([c[seen].mean() if seen.any() else np.inf for c, _ in found])
-        return cost, np.stack([A for _, A in found])
+        return angles, np.stack([match(one, limit) for one in angles])
 
     def registration(
         self, a: int, b: int, R: FloatArray, lag: int, A: BoolArray, cost: float

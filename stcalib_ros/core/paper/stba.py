@@ -1,0 +1,158 @@
+"""The paper's spatiotemporal bundle adjustment and outlier removal (STBA, ISTBA; Section IV).
+
+Solver and robust cost are those of `stcalib_ros.core.stba`; what differs is the motion model,
+``X^c = X + delta^c V`` with one V of each joint for a window of T frames, and that images stay with
+the frames that they are assigned to at first, however far the offsets move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from stcalib_ros.core import stba
+from stcalib_ros.core.association import Association
+from stcalib_ros.core.averaging import Rig
+from stcalib_ros.core.lift import LiftedCamera
+from stcalib_ros.core.observations import Observations, observe
+from stcalib_ros.core.options import BundleOptions
+from stcalib_ros.core.rounds import (
+    Round,
+    Unconnected,
+    connected,
+    drop_outliers,
+    finish_round,
+    image_points,
+)
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+
+_TOLERANCE = 0.05
+
+
+def adjust_rounds(
+    cameras: Sequence[LiftedCamera],
+    rig: Rig,
+    association: Association,
+    o: BundleOptions,
+    *,
+    step_s: float,
+    window: int,
+    tick: Callable[[float], None],
+) -> tuple[Round, ...] | Unconnected:
+    """STBA, then outlier removal and STBA again until nothing more is removed (ISTBA).
+
+    With synchronised cameras it is BA and IBA.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+    rig : Rig
+        Of the pose graph.
+    association : Association
+        Of the spanning tree.
+    o : BundleOptions
+        Without the floor for outliers: the paper's limit is the multiple of the median alone.
+    step_s : float
+    window : int
+        Frames over which a joint has one velocity.
+    tick : callable
+        Called with the fraction done before each round.
+
+    Returns
+    -------
+    tuple of Round or Unconnected
+        The first round is STBA, the last ISTBA.
+    """
+    o = replace(o, outlier_floor_px=0.0)
+    observations = observe(cameras, rig, association, step_s=step_s)
+    total = image_points([cameras[c] for c in rig.cameras])
+    state = initial_state(observations, rig, window)
+    rounds: list[Round] = []
+    while len(rounds) < max(o.rounds, 2):
+        tick(len(rounds) / o.rounds)
+        if len(groups := connected(state.used, total)) > 1:
+            return Unconnected(tuple(groups))
+        state = stba.adjust(observations, state, iterations=o.max_iterations, tolerance=_TOLERANCE)
+        rounds.append(finish_round(rig, association, observations, state, total))
+        before = state.used
+        association, observations = discard(rounds[-1], o.outlier_factor)
+        state = drop_outliers(observations, state, o)
+        if len(rounds) > 1 and np.array_equal(before, state.used):
+            break
+    return tuple(rounds)
+
+
+def initial_state(o: Observations, rig: Rig, window: int) -> stba.BundleState:
+    """Triangulated joints with one velocity per window and no acceleration."""
+    state = stba.initial_state(o, rig)
+    V = window_velocities(o, state.X, state.used.sum(1) >= 2, window)
+    return replace(state, V=V, A=np.zeros_like(V))
+
+
+def window_velocities(
+    o: Observations, X: FloatArray, present: BoolArray, window: int
+) -> FloatArray:
+    """Least-squares slope (N, J, 3), per second, of each joint in its window.
+
+    Parameters
+    ----------
+    o : Observations
+        Whose knots are cut into windows, person by person.
+    X : (N, J, 3) ndarray
+    present : (N, J) ndarray of bool
+        Where X is known.
+    window : int
+        Knots of a window.
+    """
+    group = np.stack([o.person, o.knot // window], -1)
+    first = np.flatnonzero(np.any(np.diff(group, axis=0, prepend=-1) != 0, axis=-1))
+    rows = np.repeat(np.arange(len(first)), np.diff([*first, len(group)]))
+    m = present[..., None].astype(float)
+    n = np.maximum(np.add.reduceat(m, first), 1.0)
+    t = o.step_s * o.knot[:, None, None].astype(float)
+    t = m * (t - (np.add.reduceat(m * t, first) / n)[rows])
+    known = np.where(m > 0, X, 0.0)
+    spread = np.add.reduceat(t**2, first)
+    slope = np.add.reduceat(t * known, first) / np.maximum(spread, 1e-12)
+    return np.asarray(np.where(spread > 0, slope, 0.0)[rows])
+
+
+def discard(done: Round, factor: float) -> tuple[Association, Observations]:
+    """Verify the association: without the tracks of persons that do not fit.
+
+    A camera's part in a person is discarded, slot by slot, where its mean reprojection error is
+    above `factor` times the median of all.
+    """
+    o, association = done.observations, done.association
+    errors = stba.errors_px(o, done.state)
+    limit = factor * done.median_px
+    slot = association.slot(o.start_s + o.step_s * o.knot.astype(np.float64))
+    n_slots = association.person_of[0].shape[1]
+    unit = o.person * n_slots + slot
+    bad = _mean_by(unit, errors, association.n_persons * n_slots) > limit
+    seen = o.seen & ~bad[unit][..., None]
+    person_of = tuple(
+        _without(persons, bad[:, c].reshape(-1, n_slots))
+        for c, persons in enumerate(association.person_of)
+    )
+    verified = replace(association, person_of=person_of, typical_px=done.median_px)
+    return verified, replace(o, seen=seen)
+
+
+def _mean_by(unit: IntArray, errors: FloatArray, n_units: int) -> FloatArray:
+    """Means (units, C) of errors (N, C, J) over the rows of each unit; 0 where there are none."""
+    known = np.isfinite(errors)
+    total, count = np.zeros((2, n_units, errors.shape[1]))
+    np.add.at(total, unit, np.where(known, errors, 0.0).sum(-1))
+    np.add.at(count, unit, known.sum(-1))
+    return np.asarray(total / np.maximum(count, 1.0))
+
+
+def _without(persons: IntArray, bad: BoolArray) -> IntArray:
+    """Persons (P, S) of one camera, -1 where (person, slot) is bad."""
+    if not len(bad):
+        return persons
+    out = (persons >= 0) & bad[persons, np.arange(persons.shape[1])]
+    return np.where(out, -1, persons)
