@@ -6,7 +6,7 @@ import argparse
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from stcalib_ros import __version__
@@ -29,7 +29,7 @@ Calibrate cameras from people walking: where the cameras are, how their clocks d
 Needs no ROS; within ROS, `ros2 run stcalib_ros replay` does the same as `stcalib calibrate`.
 """
 
-_EPILOG = """\
+EPILOG = """\
 exit status:
   0    done, and the files are there
   2    unusable arguments or files
@@ -55,16 +55,25 @@ def main(argv: Sequence[str] | None = None, *, decoder: Decoder | None = None) -
         130 interrupted.
     """
     argv = sys.argv[1:] if argv is None else list(argv)
-    try:
+
+    def command() -> None:
         args = _parser(argv).parse_args(argv)
         args.decoder = decoder
         args.run(args)
+
+    return run_command("stcalib", command)
+
+
+def run_command(name: str, command: Callable[[], object]) -> int:
+    """Run a command; what goes wrong is one line on standard error and an exit status."""
+    try:
+        command()
         sys.stdout.flush()
     except StcalibError as error:
-        print(f"stcalib: {error}", file=sys.stderr)
+        print(f"{name}: {error}", file=sys.stderr)
         return error.exit_status
     except KeyboardInterrupt:
-        print("stcalib: interrupted", file=sys.stderr)
+        print(f"{name}: interrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # as in `stcalib ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -76,7 +85,7 @@ def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="stcalib",
         description=_DESCRIPTION,
-        epilog=_EPILOG,
+        epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"stcalib {__version__}")
@@ -86,7 +95,7 @@ def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
         command = subparsers.add_parser(
             name,
             help=summary,
-            epilog=_EPILOG,
+            epilog=EPILOG,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         if name == called:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import re
 import shlex
 from importlib import import_module
@@ -41,7 +42,8 @@ def indented_commands(page: Path) -> list[list[str]]:
 
 def options_of(command: str) -> set[str]:
     parser = argparse.ArgumentParser()
-    import_module(f"stcalib_ros.commands.{command}").add_arguments(parser)
+    package = "ros" if command == "replay" else "commands"
+    import_module(f"stcalib_ros.{package}.{command}").add_arguments(parser)
     return {option for action in parser._actions for option in action.option_strings}
 
 
@@ -68,11 +70,12 @@ def check_ros2(words: list[str]) -> None:
     elif words[0] == "launch":
         text = (ROOT / "launch" / words[2]).read_text()
         assert f'DeclareLaunchArgument("{words[3].partition(":=")[0]}"' in text
-    elif words[2] == "calibrator":
-        assert words[1:] == [*words[1:3], "--ros-args", "--params-file", "calibrator.yaml"]
+    elif words[2] in ("calibrator", "restamp"):
+        assert words[1:] == [*words[1:3], "--ros-args", "--params-file", f"{words[2]}.yaml"]
     else:
         assert words[:3] == ["run", "stcalib_ros", "replay"]
-        assert given_options(words) <= options_of("calibrate")
+        own = itertools.takewhile(lambda word: word != "--ros-args", words)
+        assert given_options(list(own)) <= options_of("replay")
 
 
 def check_interface(words: str) -> None:

@@ -38,11 +38,15 @@ YAML file with options by name (offset_range_s: 1.0), which cameras in which ord
 (camera: {cam0: {pose_topic: /a, info_topic: /b, frame: c}})"""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = True) -> None:
     """Add the arguments of the command."""
     parser.add_argument("bag", type=Path, metavar="BAG", help=".mcap file or rosbag2 folder")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="OUT.yaml", help="result file to write"
+        *("-o", "--output"),
+        type=Path,
+        required=output_required,
+        metavar="OUT.yaml",
+        help="result file to write",
     )
     parser.add_argument("-c", "--config", type=Path, metavar="FILE", help=_CONFIG_HELP)
     parser.add_argument(
@@ -63,8 +67,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-q", "--quiet", action="store_true", help="print warnings and errors only")
 
 
-def run(args: argparse.Namespace) -> None:
-    """Calibrate.
+def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
+    """Calibrate; returns what was recorded, and a result that can be trusted.
 
     Raises
     ------
@@ -77,7 +81,7 @@ def run(args: argparse.Namespace) -> None:
     if args.report is not None:
         require_writable(args.report)
         require_matplotlib("--report")
-    config = _config(args)
+    config = config_of(args)
     progress = ProgressPrinter(None if args.quiet else sys.stderr)
     try:
         recording = read_bag(
@@ -98,9 +102,10 @@ def run(args: argparse.Namespace) -> None:
     if not args.quiet:
         print(calibration_text(stages.calibration))
         print(f"\nWritten to {' and '.join(map(str, filter(None, written)))}")
+    return recording, stages.calibration
 
 
-def _config(args: argparse.Namespace) -> Config:
+def config_of(args: argparse.Namespace) -> Config:
     """Read the configuration file; arguments take precedence."""
     config = Config() if args.config is None else read_config(args.config)
     given = {"reference": args.reference, "offset_range_s": args.offset_range, "seed": args.seed}

@@ -98,14 +98,23 @@ def _count(n: int, what: str) -> str:
 
 
 def _directions(calibration: Calibration) -> str:
-    unit = "metres" if calibration.metric else "distances between the first two cameras"
     ref = calibration.reference
+    frame = f"the optical frame of {ref} (x right, y down, z forward)"
+    if calibration.frame_id:
+        frame = f"{calibration.frame_id} (z up, floor at 0, below {ref}, which looks along x)"
     return (
-        f"Poses are T_ref_cam: where a camera is and looks in the optical frame of {ref} "
-        f"(x right, y down, z forward), in {unit}.\n"
+        f"Poses are T_ref_cam: where a camera is and looks in {frame}, in {_unit(calibration)}.\n"
         f"Add a camera's offset to its stamps to have the clock of {ref}: "
         "t_ref = t_cam + offset. +- is one standard deviation."
     )
+
+
+def _unit(calibration: Calibration) -> str:
+    if not calibration.metric:
+        return "distances between the first two cameras"
+    if not np.isfinite(calibration.scale_stddev):
+        return "metres"
+    return f"metres (good to {100 * calibration.scale_stddev:.2g} %)"
 
 
 def _cameras(calibration: Calibration) -> str:
@@ -118,9 +127,12 @@ def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
     position = _triple(camera.t_ref_cam, 3)
     looks_along = _triple(camera.R_ref_cam[:, 2], 2)
     turned = f"{float(np.degrees(rotation_angle(camera.R_ref_cam))):.1f} deg"
+    variances = np.maximum(np.diag(camera.covariance), 0.0)
+    if variances.any() or camera.name != reference:
+        position += _plus_minus(np.sqrt(variances[:3].sum()), 3)
+        turned += _plus_minus(np.degrees(np.sqrt(variances[3:].sum())), 2)
     if camera.name == reference:
         return (camera.name, position, looks_along, turned, "reference")
-    variances = np.maximum(np.diag(camera.covariance), 0.0)
     offset = f"{camera.time_offset_s * 1e3:+.2f} ms"
     offset += _plus_minus(camera.time_offset_stddev_s * 1e3, 2)
     if camera.clock_skew:
@@ -128,9 +140,9 @@ def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
         offset += _plus_minus(camera.clock_skew_stddev * 1e6, 2)
     return (
         camera.name,
-        position + _plus_minus(np.sqrt(variances[:3].sum()), 3),
+        position,
         looks_along,
-        turned + _plus_minus(np.degrees(np.sqrt(variances[3:].sum())), 2),
+        turned,
         offset,
     )
 

@@ -67,6 +67,23 @@ def require_reference(recording: Recording, options: Options) -> int:
     return names.index(options.reference)
 
 
+def require_known_cameras(recording: Recording, options: Options) -> None:
+    """Check that known distances are about cameras that are there.
+
+    Raises
+    ------
+    InputError
+        One is not in the recording.
+    """
+    names = [camera.name for camera in recording.cameras]
+    for distance in options.scale.distances:
+        if unknown := [name for name in distance.names if name not in names]:
+            raise InputError(
+                f"scale.distances: camera {unknown[0]!r} is not in the recording: "
+                f"there are {', '.join(names)}"
+            )
+
+
 def select_cameras(cameras: Sequence[LiftedCamera], first: int, options: Options) -> Selection:
     """Cameras that see people and whose clocks can overlap.
 

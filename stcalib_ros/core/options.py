@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.known_lengths import Distance, distances_from_list
 
 METHODS = ("correlation", "vmf")
 """Ways to register a pair of cameras: the default, and the paper's own."""
@@ -129,6 +130,37 @@ class BundleOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class ScaleOptions:
+    """What says how long a metre is; all of it together, each by its deviation.
+
+    Attributes
+    ----------
+    poses_sigma : float
+        How far the size of 3D poses that are said to be metric may be off, as a share.
+    body_height_m, body_height_sigma_m : float
+        Mean height of the people, and its deviation for one of them; 0: not known.
+    distances : tuple of Distance
+        Known distances.
+    """
+
+    poses_sigma: float = 0.1
+    body_height_m: float = 0.0
+    body_height_sigma_m: float = 0.09
+    distances: tuple[Distance, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.poses_sigma > 0 or not self.body_height_sigma_m > 0:
+            raise InputError(
+                "scale: deviations must be above 0, got poses_sigma "
+                f"{self.poses_sigma} and body_height_sigma_m {self.body_height_sigma_m}"
+            )
+        if self.body_height_m < 0:
+            raise InputError(
+                f"scale.body_height_m must be above 0, or 0: not known; got {self.body_height_m}"
+            )
+
+
+@dataclass(frozen=True, slots=True)
 class Options:
     """Options of `stcalib_ros.core.pipeline.calibrate`.
 
@@ -145,6 +177,9 @@ class Options:
         Images that two cameras must share in time.
     seed : int
         Of the random spanning trees.
+    world_frame : str
+        Name of a frame with z up and the floor at 0 to express the poses in; empty: they are in
+        the frame of the reference camera.
     """
 
     reference: str | None = None
@@ -156,6 +191,8 @@ class Options:
     vmf: VmfOptions = field(default_factory=VmfOptions)
     integration: IntegrationOptions = field(default_factory=IntegrationOptions)
     bundle: BundleOptions = field(default_factory=BundleOptions)
+    scale: ScaleOptions = field(default_factory=ScaleOptions)
+    world_frame: str = ""
 
     def __post_init__(self) -> None:
         if not self.offset_range_s >= 0:
@@ -196,6 +233,8 @@ def _converted(default: Any, value: Any, path: str) -> Any:
         if not isinstance(value, Mapping):
             raise InputError(f"option {path} holds further options, got {value!r}")
         return _overlay(default, value, path + ".")
+    if isinstance(default, tuple):
+        return distances_from_list(value, path)
     if isinstance(default, bool) or isinstance(value, bool):
         fits = isinstance(default, bool) and isinstance(value, bool)
     elif default is None:

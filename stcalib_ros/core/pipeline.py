@@ -12,17 +12,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core.averaging import Rig, connected_groups, integrate
-from stcalib_ros.core.checks import Insufficient, require_reference, select_cameras
+from stcalib_ros.core.checks import (
+    Insufficient,
+    require_known_cameras,
+    require_reference,
+    select_cameras,
+)
 from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.epipolar import refine_pair
 from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.hypotheses import PairHypothesis, register_pair
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.paper.merge import merge
-from stcalib_ros.core.paper.pairs import Views, lift_views, register_pairs
-from stcalib_ros.core.paper.posegraph import optimise
-from stcalib_ros.core.paper.stba import adjust_rounds
+from stcalib_ros.core.paper.pairs import Views, lift_views
+from stcalib_ros.core.paper.stages import Grid, adjust_pairs, integrate_pairs, register_pairs
+from stcalib_ros.core.placement import Placement, place
 from stcalib_ros.core.quality import CameraEvidence, evidence
 from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
@@ -67,6 +71,8 @@ class Stages:
     rounds : tuple of Round
         Of the adjustment: the first is STBA, the last ISTBA.
     calibration : Calibration
+    placement : Placement or None
+        How the calibration lies in the world; None without cameras.
     """
 
     skeleton: Skeleton
@@ -75,6 +81,7 @@ class Stages:
     rigs: tuple[Rig, ...]
     rounds: tuple[Round, ...]
     calibration: Calibration
+    placement: Placement | None = None
 
 
 def calibrate(
@@ -138,6 +145,7 @@ class _Run:
         self.rigs: tuple[Rig, ...] = ()
         self.rounds: tuple[Round, ...] = ()
         self.rejected: list[UncalibratedCamera] = []
+        self.placement: Placement | None = None
 
     def tick(self, stage: str, fraction: float) -> None:
         """Report progress; leave if the caller wants to."""
@@ -148,6 +156,7 @@ class _Run:
 
     def stages(self) -> Stages:
         first = require_reference(self.recording, self.options)
+        require_known_cameras(self.recording, self.options)
         self.tick("lift", 0.0)
         views = lift_views(self.recording, self.options)
         self.skeleton, self.lifted = views.skeleton, views.lifted
@@ -161,7 +170,13 @@ class _Run:
                 uncalibrated=why.uncalibrated,
             )
         return Stages(
-            self.skeleton, self.lifted, self.hypotheses, self.rigs, self.rounds, calibration
+            self.skeleton,
+            self.lifted,
+            self.hypotheses,
+            self.rigs,
+            self.rounds,
+            calibration,
+            self.placement,
         )
 
     def _calibration(self, first: int) -> Calibration:
@@ -197,45 +212,14 @@ class _Run:
 
     def _by_the_paper(self, cameras: Sequence[int]) -> Calibration:
         """The paper's own stages, from pairwise registration to ISTBA."""
-        start, n = self._grid(cameras)
-        window = self.options.vmf.window
-        pairs = register_pairs(
-            Views(self.skeleton, self.lifted),
-            cameras,
-            self.options,
-            start_s=start,
-            step_s=self.step_s,
-            n=n,
-            tick=lambda fraction: self.tick("pairwise registration", fraction),
-        )
+        views = Views(self.skeleton, self.lifted)
+        grid = Grid(*self._grid(cameras), step_s=self.step_s)
+        pairs = register_pairs(views, cameras, self.options, grid, self.tick)
         self.hypotheses = tuple(pair.hypothesis for pair in pairs)
-        group = self._group(cameras)
-        self.tick("integration", 0.0)
-        rig = optimise(
-            group,
-            [h for h in self.hypotheses if h.a in group and h.b in group],
-            synchronised=self.options.synchronised,
-        )
+        rig = integrate_pairs(self._group(cameras), pairs, self.options)
         self.rigs = (rig,)
         while True:
-            inside = set(rig.cameras.tolist())
-            association = merge(
-                self.lifted,
-                rig,
-                [p for p in pairs if {p.hypothesis.a, p.hypothesis.b} <= inside],
-                start_s=start,
-                step_s=self.step_s,
-                window=window,
-            )
-            result = adjust_rounds(
-                self.lifted,
-                rig,
-                association,
-                self.options.bundle,
-                step_s=self.step_s,
-                window=window,
-                tick=lambda fraction: self.tick("bundle adjustment", fraction),
-            )
+            result = adjust_pairs(self.lifted, rig, pairs, self.options, grid, self.tick)
             if not isinstance(result, Unconnected):
                 break
             rig = self._largest(rig, result)
@@ -423,11 +407,16 @@ class _Run:
         doubts = [
             f"{n}: {e.complaint()}" for n, e in zip(names, found, strict=True) if e.complaint()
         ]
+        self.placement = place(
+            self.recording, self.lifted, self.skeleton, last, covariance, self.options
+        )
         status, message = Status.OK, _summary(len(names), len(self.recording.cameras))
         if complaint is not None:
             status, message = Status.DEGENERATE, complaint
         elif doubts:
             status, message = Status.DEGENERATE, "; ".join(doubts)
+        elif self.placement.complaint:
+            status, message = Status.DEGENERATE, self.placement.complaint
         elif len(self.rounds) > 1 and self.rounds[-2].differing(last, self.step_s):
             status = Status.NOT_CONVERGED
             message = "the adjustment had not settled after the last round: raise bundle.rounds"
@@ -437,9 +426,11 @@ class _Run:
             self.skeleton,
             last,
             covariance,
+            self.placement,
             status=status,
             message=message,
             uncalibrated=self.rejected,
+            world_frame=self.options.world_frame,
         )
 
 

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stcalib_ros.core.layouts import Layout
-from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.result import found_persons, length_unit
+from stcalib_ros.core.persons import found_persons
+from stcalib_ros.core.rounds import Round
+from stcalib_ros.core.stba import persons_of
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from stcalib_ros.core.pipeline import Stages
+    from stcalib_ros.core.placement import Placement
 
 _LINES = (
     ("left_shoulder", "right_shoulder"),
@@ -48,9 +55,10 @@ def reconstruct(stages: Stages) -> tuple[PersonTrajectory, ...]:
 
     Empty if there are no camera poses.
     """
-    unit = unit_of(stages)
+    if stages.placement is None:
+        return ()
     return tuple(
-        _trajectory(person.person_id, stages, rows, unit)
+        _trajectory(person.person_id, stages, stages.placement, rows)
         for person, rows in zip(stages.calibration.persons, person_rows(stages), strict=True)
     )
 
@@ -66,11 +74,15 @@ def person_rows(stages: Stages) -> tuple[IntArray, ...]:
     )
 
 
-def unit_of(stages: Stages) -> float:
-    """Factor from lengths of the adjustment to those of the calibration; 1 without poses."""
-    if not stages.calibration.cameras:
-        return 1.0
-    return length_unit(stages.lifted, stages.rounds[-1], metric=stages.calibration.metric)
+def joint_paths(last: Round) -> Iterator[FloatArray]:
+    """Joints (K, J, 3) of every person of a round at uniform times, one person after the other.
+
+    In the frame of the reference camera and the unit of the adjustment; NaN where fewer than two
+    cameras have image points that fit.
+    """
+    o = last.observations
+    for part in persons_of(o):
+        yield _path(last, np.arange(part.start, part.stop))
 
 
 def bones(layout: Layout) -> tuple[tuple[int, int], ...]:
@@ -82,11 +94,19 @@ def bones(layout: Layout) -> tuple[tuple[int, int], ...]:
     return tuple(pairs)
 
 
-def _trajectory(person_id: int, stages: Stages, rows: IntArray, unit: float) -> PersonTrajectory:
-    o, state = stages.rounds[-1].observations, stages.rounds[-1].state
-    knots = o.knot[rows] - o.knot[rows[0]]
-    known: BoolArray = state.used[rows].sum(1) >= 2
-    joints = np.full((int(knots[-1]) + 1, *state.X.shape[1:]), np.nan)
-    joints[knots] = np.where(known[..., None], unit * state.X[rows], np.nan)
+def _trajectory(
+    person_id: int, stages: Stages, placement: Placement, rows: IntArray
+) -> PersonTrajectory:
+    o = stages.rounds[-1].observations
+    joints = placement.to_result(_path(stages.rounds[-1], rows))
     times = o.start_s + o.step_s * (o.knot[rows[0]] + np.arange(len(joints)))
     return PersonTrajectory(person_id, stages.skeleton.layout, times, joints)
+
+
+def _path(last: Round, rows: IntArray) -> FloatArray:
+    """Joints (K, J, 3) of the rows of one person, from his first knot to his last."""
+    knots = last.observations.knot[rows] - last.observations.knot[rows[0]]
+    known: BoolArray = last.state.used[rows].sum(1) >= 2
+    joints = np.full((int(knots[-1]) + 1, *last.state.X.shape[1:]), np.nan)
+    joints[knots] = np.where(known[..., None], last.state.X[rows], np.nan)
+    return joints

@@ -230,7 +230,8 @@ class Calibration:
     message : str
         For a person: what was found, or why not and what to do.
     reference : str
-        Camera whose optical frame and clock are the reference.
+        Camera whose clock is the reference, and whose optical frame unless `frame_id` names
+        another.
     metric : bool
         Lengths are metres; else the unit is the distance between the first two cameras.
     epoch_s : float
@@ -246,9 +247,13 @@ class Calibration:
     n_observations, n_inliers : int
         Image points looked at and image points used.
     joint_covariance : (7 C, 7 C) ndarray
-        Of all cameras together, in `parameter_order`.
+        Of all cameras together, in `parameter_order`; the unit of length counts as known.
     parameter_order : tuple of str
         ``"cam1.x"``, ..., ``"cam1.rot_z"``, ``"cam1.time_offset_s"``, ...
+    frame_id : str
+        Frame of the poses, z up and the floor at 0; empty: that of the reference camera.
+    scale_stddev : float
+        Standard deviation of a metre of the result, as a share of it; NaN if not metric.
     """
 
     status: Status
@@ -266,3 +271,11 @@ class Calibration:
     n_inliers: int
     joint_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     parameter_order: tuple[str, ...] = ()
+    frame_id: str = ""
+    scale_stddev: float = float("nan")
+
+    @property
+    def reference_frame(self) -> str:
+        """Frame that the poses are expressed in; empty if there are no cameras."""
+        frames = {camera.name: camera.frame_id for camera in self.cameras}
+        return self.frame_id or frames.get(self.reference, "")

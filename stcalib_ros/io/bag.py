@@ -71,14 +71,25 @@ def read_bag(
         The bag is missing, damaged or holds nothing of use; the message says what and what to do.
     """
     warn = warn or logging.getLogger(__name__).warning
-    files = bag_files(Path(path))
-    schemas = topic_schemas(files)
-    cameras = select_cameras(_types_by_topic(path, schemas), selection or CameraSelection())
-    _require_readable(schemas, cameras)
+    files, cameras = open_bag(path, selection=selection)
     contents = _Contents(cameras, decoder or decode)
     topics = frozenset(topic for c in cameras for topic in (c.pose_topic, c.info_topic))
     contents.collect(raw_messages(files, topics), progress or _no_progress)
     return assemble_recording(contents.cameras(path, warn), warn=warn)
+
+
+def open_bag(
+    path: Path | str, *, selection: CameraSelection | None = None
+) -> tuple[tuple[Path, ...], tuple[SelectedCamera, ...]]:
+    """Files of a bag, and its cameras, whose messages have our definitions.
+
+    Parameters and errors are those of `read_bag`.
+    """
+    files = bag_files(Path(path))
+    schemas = topic_schemas(files)
+    cameras = select_cameras(_types_by_topic(path, schemas), selection or CameraSelection())
+    _require_readable(schemas, cameras)
+    return files, cameras
 
 
 class _Contents:

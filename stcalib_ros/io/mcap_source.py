@@ -91,6 +91,8 @@ def topic_schemas(files: Sequence[Path]) -> tuple[TopicSchema, ...]:
 def raw_messages(
     files: Sequence[Path],
     topics: frozenset[str],
+    *,
+    in_time: bool = False,
 ) -> Iterator[RawMessage]:
     """Messages of the given topics, in the order of the files.
 
@@ -98,6 +100,8 @@ def raw_messages(
     ----------
     files : sequence of Path
     topics : frozenset of str
+    in_time : bool
+        Within each file in the order in which they were logged, which takes longer.
 
     Raises
     ------
@@ -109,7 +113,7 @@ def raw_messages(
     for path, size in zip(files, sizes, strict=True):
         with _opened(path) as stream:
             reader = _message_reader(stream)
-            for schema, channel, message in reader.iter_messages(topics, log_time_order=False):
+            for schema, channel, message in reader.iter_messages(topics, log_time_order=in_time):
                 if schema is not None:
                     fraction = (before + stream.tell()) / total
                     yield RawMessage(

@@ -29,11 +29,12 @@ FORMAT = "stcalib/1"
 
 _HEAD = """\
 # rotation (quaternion x, y, z, w) and translation are T_ref_cam, the pose of the camera's optical
-# frame (x right, y down, z forward) in that of the reference camera: x_ref = R x_cam + translation.
+# frame (x right, y down, z forward) in {frame}: x_ref = R x_cam + translation.
 # Lengths: {unit}.
 # Clocks: t_ref = t_cam + time_offset_s + clock_skew * (t_cam - epoch_s), seconds.
 """
 _UNITS = {True: "metres", False: "the distance between the first two cameras is 1"}
+_FRAMES = {True: "frame_id, z up, floor at 0", False: "that of the reference camera"}
 
 
 def write_result(calibration: Calibration, path: Path | str) -> None:
@@ -52,7 +53,8 @@ def result_text(calibration: Calibration) -> str:
     body = yaml.safe_dump(
         _plain(calibration), sort_keys=False, default_flow_style=None, width=110, allow_unicode=True
     )
-    return _HEAD.format(unit=_UNITS[calibration.metric]) + body
+    frame = _FRAMES[bool(calibration.frame_id)]
+    return _HEAD.format(frame=frame, unit=_UNITS[calibration.metric]) + body
 
 
 def read_result(path: Path | str) -> Calibration:
@@ -89,6 +91,8 @@ def read_result(path: Path | str) -> Calibration:
         n_inliers=top.get("n_inliers", 0).integer(),
         joint_covariance=_square(top.get("joint_covariance", [])),
         parameter_order=tuple(e.text() for e in top.get("parameter_order", []).elements()),
+        frame_id=top.get("frame_id", "").text(),
+        scale_stddev=top.get("scale_stddev", np.nan).number(),
     )
 
 
@@ -98,7 +102,11 @@ def _plain(calibration: Calibration) -> dict[str, Any]:
         "status": calibration.status.name,
         "message": calibration.message,
         "reference": calibration.reference,
+        **({"frame_id": calibration.frame_id} if calibration.frame_id else {}),
         "metric": bool(calibration.metric),
+        **(
+            {"scale_stddev": float(scale)} if np.isfinite(scale := calibration.scale_stddev) else {}
+        ),
         "epoch_s": float(calibration.epoch_s),
         "window_s": [float(t) for t in calibration.window_s],
         "reprojection_rms_px": float(calibration.reprojection_rms_px),

@@ -40,7 +40,18 @@ def read_yaml(path: Path) -> Any:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is no text file") from error
+    return parse_yaml(text, str(path))
+
+
+def parse_yaml(text: str, what: str) -> Any:
+    """Content of YAML text; `what` names it in errors.
+
+    Raises
+    ------
+    InputError
+        It is no YAML, or gives a key twice.
+    """
     try:
         return yaml.load(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError(f"{path} is no valid YAML: {' '.join(str(error).split())}") from error
+        raise InputError(f"{what} is no valid YAML: {' '.join(str(error).split())}") from error

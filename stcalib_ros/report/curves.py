@@ -8,7 +8,8 @@ import numpy as np
 
 from stcalib_ros.core.observations import Observations
 from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.reconstruction import person_rows, unit_of
+from stcalib_ros.core.placement import Placement
+from stcalib_ros.core.reconstruction import person_rows
 from stcalib_ros.core.stba import at_images
 from stcalib_ros.core.types import FloatArray, IntArray
 from stcalib_ros.report.room import Room
@@ -57,8 +58,10 @@ def liveliest_movement(stages: Stages, room: Room) -> Movement | None:
     joint is. Of long recordings only the liveliest few seconds are in it.
     """
     best: tuple[float, Movement] | None = None
+    if stages.placement is None:
+        return None
     for person, rows in zip(stages.calibration.persons, person_rows(stages), strict=True):
-        sights = _sights(stages, room, rows)
+        sights = _sights(stages, stages.placement, room, rows)
         for j, joint in enumerate(stages.skeleton.layout.joint_names):
             if not any(limb in joint for limb in _LIMBS):
                 continue
@@ -115,18 +118,17 @@ class _Sights:
     times_s: FloatArray
 
 
-def _sights(stages: Stages, room: Room, rows: IntArray) -> _Sights:
+def _sights(stages: Stages, placement: Placement, room: Room, rows: IntArray) -> _Sights:
     last = stages.rounds[-1]
     o, state = last.observations, last.state
-    unit = unit_of(stages)
     elapsed = o.phi[rows] + state.shift_s
-    X = unit * at_images(o, state, rows)
+    X = at_images(o, state, rows)
     known = (state.used[rows].sum(1) >= 2)[:, None] & o.seen[rows]
     heights = np.full(known.shape, np.nan)
     for c, R_ref_cam in enumerate(last.rig.R_ref_cam):
-        centre, direction = unit * last.rig.t_ref_cam[c], _directions(o, rows, c) @ R_ref_cam.T
+        centre, direction = last.rig.t_ref_cam[c], _directions(o, rows, c) @ R_ref_cam.T
         along = ((X[:, c] - centre) * direction).sum(-1, keepdims=True)
-        point = (centre + along * direction) @ room.R_room_ref.T + room.t_room_ref
+        point = room.placed(placement.to_result(centre + along * direction))
         heights[:, c] = np.where(known[:, c], point[..., 2], np.nan)
     times = o.start_s + o.knot[rows][:, None] * o.step_s + elapsed
     times = np.where(o.track[rows] >= 0, times, np.nan)

@@ -15,7 +15,8 @@ from matplotlib.transforms import Bbox
 
 from stcalib_ros.core.reconstruction import bones
 from stcalib_ros.core.types import FloatArray
-from stcalib_ros.report.room import ANKLES, HEAD, SHOULDERS, Person, PlacedCamera, Room
+from stcalib_ros.core.upright import ANKLES, HEAD, SHOULDERS
+from stcalib_ros.report.room import Person, PlacedCamera, Room
 from stcalib_ros.report.style import FLOOR, FLOOR_LINES, INK, PEOPLE, camera_colors
 from stcalib_ros.report.view import View, best_view, crown, frustum_depth
 

@@ -11,12 +11,10 @@ from stcalib_ros.core.geometry import umeyama
 from stcalib_ros.core.layouts import Layout
 from stcalib_ros.core.reconstruction import PersonTrajectory
 from stcalib_ros.core.types import Calibration, CameraCalibration, FloatArray
+from stcalib_ros.core.upright import find_upright
 
-HEAD = ("head_top", "head", "nose", "left_ear", "right_ear")
-SHOULDERS = ("left_shoulder", "right_shoulder")
-ANKLES = ("left_ankle", "right_ankle")
-_HIPS = ("left_hip", "right_hip", "pelvis")
 _FEET = ("ankle", "heel", "toe", "foot")
+_BLOCK_S = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,6 +93,10 @@ class Room:
     t_room_ref: FloatArray
     metric: bool
 
+    def placed(self, points: FloatArray) -> FloatArray:
+        """Points (..., 3) of the calibration's frame in the room."""
+        return np.asarray(points @ self.R_room_ref.T + self.t_room_ref)
+
 
 def make_room(
     calibration: Calibration,
@@ -103,8 +105,7 @@ def make_room(
 ) -> Room:
     """Stand a calibration upright.
 
-    Up is the mean direction from the ankles (else the hips) to the heads of the people, the floor
-    is where the feet of most of them are lowest.
+    As `stcalib_ros.core.upright` does it; where nobody tells what is up, cameras do.
 
     Parameters
     ----------
@@ -114,13 +115,12 @@ def make_room(
         As `reconstruct` gives them.
     truth : Calibration, optional
     """
-    standing = [Person(p.person_id, p.layout, p.joints_ref) for p in people]
     centres = np.array([camera.t_ref_cam for camera in calibration.cameras])
-    R = _along_walls(_upright(calibration, standing), centres)
-    turned = [replace(p, joints=p.joints @ R.T) for p in standing]
-    centres = centres @ R.T
-    t = -np.median(np.concatenate([centres, *(_known(p.joints) for p in turned)]), axis=0)
-    t[2] = -_floor(turned, centres)
+    R_up, height = _standing(calibration, people)
+    R = _along_walls(R_up, centres)
+    turned = [Person(p.person_id, p.layout, p.joints_ref @ R.T) for p in people]
+    t = -np.median(np.concatenate([centres @ R.T, *(_known(p.joints) for p in turned)]), axis=0)
+    t[2] = height
     return Room(
         cameras=tuple(_placed(c, R, t) for c in calibration.cameras),
         true_cameras=tuple(_placed(c, R, t) for c in _aligned(truth, calibration)),
@@ -136,17 +136,26 @@ def _known(joints: FloatArray) -> FloatArray:
     return np.asarray(joints[np.isfinite(joints).all(-1)])
 
 
-def _upright(calibration: Calibration, people: Sequence[Person]) -> FloatArray:
-    """Rotation from the reference frame to one with z up."""
-    ups = [up for up in map(_up, people) if np.isfinite(up).all()]
-    if ups:
-        z = np.mean(ups, axis=0)
-    else:  # nobody to tell: cameras are seldom upside down
-        z = -np.mean([camera.R_ref_cam[:, 1] for camera in calibration.cameras], axis=0)
+def _standing(
+    calibration: Calibration, people: Sequence[PersonTrajectory]
+) -> tuple[FloatArray, float]:
+    """Rotation from the frame of the calibration to one with z up, and what to add to z."""
+    if calibration.frame_id:
+        return np.eye(3), 0.0
+    if people:
+        step_s = float(np.median(np.concatenate([np.diff(p.times_s) for p in people])))
+        paths = [p.joints_ref for p in people]
+        upright, _ = find_upright(people[0].layout, paths, block=max(1, round(_BLOCK_S / step_s)))
+        if upright is not None:
+            return upright.R_world_ref, upright.height
+    # Nobody to tell: cameras are seldom upside down.
+    z = -np.mean([camera.R_ref_cam[:, 1] for camera in calibration.cameras], axis=0)
     z = z / np.linalg.norm(z)
     x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
     x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z])
+    points = [np.array([camera.t_ref_cam for camera in calibration.cameras])]
+    points += [_known(p.joints_ref) for p in people]
+    return np.stack([x, np.cross(z, x), z]), -float((np.concatenate(points) @ z).min())
 
 
 def _along_walls(R: FloatArray, centres: FloatArray) -> FloatArray:
@@ -154,30 +163,6 @@ def _along_walls(R: FloatArray, centres: FloatArray) -> FloatArray:
     xy = (centres - centres.mean(0)) @ R[:2].T
     cosine, sine = np.linalg.svd(xy)[2][0]
     return np.asarray(np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ R)
-
-
-def _up(person: Person) -> FloatArray:
-    """Mean direction from feet to head; NaN if they were never seen together."""
-    top, bottom = _middle(person, HEAD, SHOULDERS), _middle(person, ANKLES, _HIPS)
-    up = _known(top - bottom)
-    up = up / np.linalg.norm(up, axis=-1, keepdims=True)
-    return np.asarray(up.mean(0)) if len(up) else np.full(3, np.nan)
-
-
-def _middle(person: Person, *choices: Sequence[str]) -> FloatArray:
-    """Middle (K, 3) of the joints of the first choice that the layout has; NaN if it has none."""
-    found = [paths.mean(1) for names in choices if (paths := person.of(names)).size]
-    return found[0] if found else np.full((len(person.joints), 3), np.nan)
-
-
-def _floor(people: Sequence[Person], centres: FloatArray) -> float:
-    """Height of the floor: where the feet of most people are lowest."""
-    lowest = [
-        float(np.percentile(heights, 5))
-        for person in people
-        if len(heights := _known(person.feet if person.feet.size else person.joints)[:, 2])
-    ]
-    return float(np.median(lowest)) if lowest else float(centres[:, 2].min())
 
 
 def _placed(camera: CameraCalibration, R: FloatArray, t: FloatArray) -> PlacedCamera:

@@ -132,17 +132,11 @@ def _plus_minus(deviation: float, digits: int) -> str:
 
 def directions(c: Calibration) -> tuple[str, str]:
     """Which way the transforms point, the sign of the offsets, the unit."""
-    unit = (
-        "Lengths are metres."
-        if c.metric
-        else "The unit of length is the distance between the first two cameras, since not all 3D "
-        "poses were metric."
-    )
     return (
         paragraph(
             f"Poses are T_ref_cam: x_ref = R x_cam + t brings a point from the optical frame of a "
-            f"camera (x right, y down, z forward) to that of {c.reference}; t is where the camera "
-            f"is. {unit}"
+            f"camera (x right, y down, z forward) to {_frame(c)}; t is where the camera is. "
+            f"{_unit(c)}"
         ),
         paragraph(
             f"Add an offset to the stamps of a camera to have the clock of {c.reference}: t_ref = "
@@ -150,6 +144,23 @@ def directions(c: Calibration) -> tuple[str, str]:
             f"is off in everybody all the time is not in it, and neither is the unit of length."
         ),
     )
+
+
+def _frame(c: Calibration) -> str:
+    if not c.frame_id:
+        return f"that of {c.reference}"
+    return f"{c.frame_id} (z up, floor at 0, below {c.reference}, which looks along x)"
+
+
+def _unit(c: Calibration) -> str:
+    if not c.metric:
+        return (
+            "The unit of length is the distance between the first two cameras, since nothing says "
+            "how long a metre is."
+        )
+    if not math.isfinite(c.scale_stddev):
+        return "Lengths are metres."
+    return f"Lengths are metres, good to {100 * c.scale_stddev:.2g} %."
 
 
 def uncalibrated(c: Calibration) -> str:

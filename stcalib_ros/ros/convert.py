@@ -21,13 +21,13 @@ from stcalib_ros.core.types import (
     PairResidual,
     PersonAssociation,
 )
-from stcalib_ros.io.messages import camera_info_fields, lens
+from stcalib_ros.io.messages import NS, camera_info_fields, lens
 from stcalib_ros.io.schemas import CAMERA_INFO, POSES
+from stcalib_ros.io.stamps import ClockCorrection
 from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, PersonPose3DArray, TimeOffset
 from stcalib_ros.msg import PairResidual as PairResidualMessage
 from stcalib_ros.msg import PersonAssociation as PersonAssociationMessage
 
-_NS = 1_000_000_000
 _CLASSES = {POSES: PersonPose3DArray, CAMERA_INFO: CameraInfo}
 
 
@@ -67,7 +67,7 @@ def time_message(stamp_s: float) -> Time:
     if not math.isfinite(stamp_s):
         return Time()
     whole, fraction = divmod(stamp_s, 1.0)
-    carry, nanosec = divmod(round(fraction * _NS), _NS)
+    carry, nanosec = divmod(round(fraction * NS), NS)
     return Time(sec=int(whole) + carry, nanosec=nanosec)
 
 
@@ -110,6 +110,7 @@ def calibration_result(
         n_inliers=calibration.n_inliers,
         window_start=window_start,
         window_end=window_end,
+        scale_stddev=calibration.scale_stddev,
         joint_covariance=calibration.joint_covariance.ravel().tolist(),
         parameter_order=list(calibration.parameter_order),
     )
@@ -156,9 +157,24 @@ def time_offset_messages(
     ]
 
 
+def clock_corrections(message: CalibrationResult) -> dict[str, ClockCorrection]:
+    """What to add to the stamps of each camera of a result, by its name.
+
+    Raises
+    ------
+    InputError
+        A number is not finite.
+    """
+    return {
+        offset.camera: ClockCorrection(
+            offset.offset_s, offset.skew, offset.epoch.sec * NS + offset.epoch.nanosec
+        )
+        for offset in message.time_offsets
+    }
+
+
 def _header(calibration: Calibration, stamp: Time) -> Header:
-    frames = {c.name: c.frame_id for c in calibration.cameras}
-    return Header(stamp=stamp, frame_id=frames.get(calibration.reference, ""))
+    return Header(stamp=stamp, frame_id=calibration.reference_frame)
 
 
 def _pose(camera: CameraCalibration) -> PoseWithCovariance:

@@ -18,8 +18,7 @@ _COLOR = ColorRGBA(r=0.1, g=0.5, b=0.9, a=1.0)
 
 def camera_markers(calibration: Calibration, *, stamp: Time) -> MarkerArray:
     """Frusta and names of all cameras in the reference frame; markers sent before are deleted."""
-    frames = {c.name: c.frame_id for c in calibration.cameras}
-    header = Header(stamp=stamp, frame_id=frames.get(calibration.reference, ""))
+    header = Header(stamp=stamp, frame_id=calibration.reference_frame)
     depth = _DEPTH * _extent(calibration)
     markers = [Marker(header=header, action=Marker.DELETEALL)]
     for number, camera in enumerate(calibration.cameras):

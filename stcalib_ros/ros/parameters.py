@@ -12,6 +12,7 @@ from typing import Any
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.options import Options, options_from_mapping
 from stcalib_ros.io.topics import SelectedCamera
+from stcalib_ros.io.yaml_files import parse_yaml
 from stcalib_ros.ros.buffers import Limits
 
 MAX_CAMERAS = 64
@@ -38,6 +39,17 @@ CAMERAS = Spec(
     fixed=True,
 )
 
+TF_SPECS = (
+    Spec("publish_tf", True, "Publish the cameras on /tf_static.", fixed=True),
+    Spec("tf_not_metric", False, "Also if lengths are not metres.", fixed=True),
+    Spec(
+        "tf_suffix",
+        "",
+        "Added to child frames on /tf_static, for optical frames that have a parent already.",
+        fixed=True,
+    ),
+)
+
 NODE_SPECS = (
     Spec("window_s", 30.0, "Time span that is kept of each camera, seconds.", 2.0, 600.0),
     Spec("max_images", 6000, "Images kept of each camera, whatever the span.", 100, 100_000),
@@ -60,14 +72,7 @@ NODE_SPECS = (
         fixed=True,
     ),
     Spec("keep_results", 50, "Calibrations kept on disk.", 2, 1000, fixed=True),
-    Spec("publish_tf", True, "Publish the cameras on /tf_static.", fixed=True),
-    Spec("tf_not_metric", False, "Also if lengths are not metres.", fixed=True),
-    Spec(
-        "tf_suffix",
-        "",
-        "Added to child frames on /tf_static, for optical frames that have a parent already.",
-        fixed=True,
-    ),
+    *TF_SPECS,
 )
 
 OPTION_SPECS = (
@@ -75,6 +80,19 @@ OPTION_SPECS = (
     Spec("offset_range_s", 2.0, "Clocks are searched within +- this; 0: they agree.", 0.0, 60.0),
     Spec("min_score", 0.3, "Joints with a lower score are not used.", 0.0, 1.0),
     Spec("min_common_frames", 12, "Images that two cameras must share in time.", 2, 10_000),
+    Spec(
+        "world_frame",
+        "",
+        "Frame with z up and the floor at 0 for the poses; empty: that of the reference camera.",
+    ),
+    Spec("scale.poses_sigma", 0.1, "Of metric 3D poses, as a share.", 1e-4, 1.0),
+    Spec("scale.body_height_m", 0.0, "Mean height of the people; 0: not known.", 0.0, 3.0),
+    Spec("scale.body_height_sigma_m", 0.09, "Of one of them.", 1e-3, 1.0),
+    Spec(
+        "scale.distances",
+        "",
+        "Known distances, a list in YAML's short form as in calibrate.yaml; empty: none.",
+    ),
     Spec("seed", 0, "Same seed, same result.", 0, 2**31),
     Spec("registration.method", "correlation", "Or vmf: the paper's own method."),
     Spec("registration.min_overlap", 12, "Samples that two tracks must share.", 2, 10_000),
@@ -141,21 +159,21 @@ def all_specs(cameras: Iterable[str]) -> tuple[Spec, ...]:
     return (*own, *NODE_SPECS, *OPTION_SPECS)
 
 
-def require_camera_names(names: Iterable[str]) -> tuple[str, ...]:
+def require_camera_names(names: Iterable[str], *, at_least: int = 2) -> tuple[str, ...]:
     """Camera names that can be part of topics and parameters.
 
     Raises
     ------
     InputError
-        There are fewer than two or too many, one is given twice, or one is no name.
+        There are too few or too many, one is given twice, or one is no name.
     """
     names = tuple(names)
     if bad := [n for n in names if not _NAME.fullmatch(n)]:
         raise InputError(f"cameras: {bad[0]!r} is no name: letters, digits and _, a letter first")
     if len(set(names)) < len(names):
         raise InputError(f"cameras: a name is given twice: {', '.join(names)}")
-    if not 2 <= len(names) <= MAX_CAMERAS:
-        raise InputError(f"cameras: {len(names)} given, there must be 2 to {MAX_CAMERAS}")
+    if not at_least <= len(names) <= MAX_CAMERAS:
+        raise InputError(f"cameras: {len(names)} given, there must be {at_least} to {MAX_CAMERAS}")
     return names
 
 
@@ -198,6 +216,8 @@ def _options(values: Mapping[str, Any]) -> Options:
     for spec in OPTION_SPECS:
         group, _, name = spec.name.rpartition(".")
         (nested.setdefault(group, {}) if group else nested)[name] = values[spec.name]
+    distances = parse_yaml(nested["scale"]["distances"], "scale.distances")
+    nested["scale"]["distances"] = () if distances is None else distances
     return options_from_mapping(nested | {"reference": nested["reference"] or None})
 
 
@@ -221,12 +241,19 @@ def declare(node: Any) -> dict[str, Any]:
     InputError
         A value that was given has the wrong type or is out of its range.
     """
-    values = {CAMERAS.name: _declared(node, CAMERAS)}
+    values = {CAMERAS.name: declared(node, CAMERAS)}
     names = require_camera_names(values[CAMERAS.name])
-    return values | {spec.name: _declared(node, spec) for spec in all_specs(names)}
+    return values | {spec.name: declared(node, spec) for spec in all_specs(names)}
 
 
-def _declared(node: Any, spec: Spec) -> Any:
+def declared(node: Any, spec: Spec) -> Any:
+    """Declare one parameter on a node and return its value.
+
+    Raises
+    ------
+    InputError
+        The value that was given has the wrong type or is out of its range.
+    """
     from rclpy.exceptions import ParameterException
 
     try:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Transform, TransformStamped, Vector3
@@ -13,7 +14,6 @@ from stcalib_ros.core.types import Calibration
 from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, TimeOffset
 from stcalib_ros.ros.convert import extrinsics_messages
 from stcalib_ros.ros.markers import camera_markers
-from stcalib_ros.ros.parameters import Settings
 
 
 def latched(depth: int = 1) -> QoSProfile:
@@ -26,7 +26,7 @@ def latched(depth: int = 1) -> QoSProfile:
 
 
 def transforms(calibration: Calibration, *, stamp: Time, suffix: str) -> list[TransformStamped]:
-    """T_ref_cam of all cameras but the reference, for /tf_static.
+    """T_ref_cam of all cameras for /tf_static, but of the one whose frame is the reference.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def transforms(calibration: Calibration, *, stamp: Time, suffix: str) -> list[Tr
     """
     out = []
     for extrinsics in extrinsics_messages(calibration, stamp=stamp):
-        if extrinsics.camera == calibration.reference:
+        if extrinsics.child_frame_id == calibration.reference_frame:
             continue
         pose = extrinsics.pose.pose
         p = pose.position
@@ -53,16 +53,36 @@ def transforms(calibration: Calibration, *, stamp: Time, suffix: str) -> list[Tr
     return out
 
 
+class PublisherSettings(Protocol):
+    """What of the parameters says how to publish."""
+
+    @property
+    def cameras(self) -> Sequence[object]:
+        """One entry of each camera."""
+
+    @property
+    def publish_tf(self) -> bool:
+        """Publish on /tf_static."""
+
+    @property
+    def tf_not_metric(self) -> bool:
+        """Also if lengths are not metres."""
+
+    @property
+    def tf_suffix(self) -> str:
+        """Added to child frames on /tf_static."""
+
+
 class Publishers:
     """Latched topics of the node.
 
     Parameters
     ----------
     node : rclpy.node.Node
-    settings : Settings
+    settings : PublisherSettings
     """
 
-    def __init__(self, node: Any, settings: Settings) -> None:
+    def __init__(self, node: Any, settings: PublisherSettings) -> None:
         self._log, self._settings = node.get_logger(), settings
         per_camera = latched(len(settings.cameras))
         self._result = node.create_publisher(CalibrationResult, "~/result", latched())

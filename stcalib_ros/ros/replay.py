@@ -1,26 +1,88 @@
-"""``ros2 run stcalib_ros replay``: ``stcalib calibrate`` with ROS's own deserialiser."""
+"""``ros2 run stcalib_ros replay``: calibrates from a bag, publishes the result, plays the bag."""
 
 from __future__ import annotations
 
+import argparse
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from stcalib_ros.cli import main as stcalib
+from stcalib_ros.cli import EPILOG, run_command
+from stcalib_ros.commands import calibrate
+
+if TYPE_CHECKING:
+    from stcalib_ros.core.types import Calibration, CameraCalibration, Recording
+
+_DESCRIPTION = """\
+Calibrate from a bag, publish the result, play the bag to others: each of them if asked to.
+
+  replay walk.mcap --output walk.yaml                 as `stcalib calibrate` does
+  replay walk.mcap --output walk.yaml --publish       and publish it, latched, until Ctrl-C
+  replay walk.mcap --play --clock                     play, for a live node with use_sim_time
+  replay walk.mcap --output walk.yaml --publish --play --clock --loop     everything, for RViz
+
+--publish has the topics of the live node: ~/result, ~/extrinsics, ~/time_offsets, ~/markers and
+/tf_static, with its parameters publish_tf, tf_not_metric and tf_suffix. ~ is /replay; to stand in
+for the live node: --ros-args -r __node:=calibrator. If there is no trustworthy result, nothing is
+published or played, and the exit status is 3.
+"""
+
+
+_WAIT_S = 5.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command: those of ``stcalib calibrate`` and some for ROS."""
+    calibrate.add_arguments(parser, output_required=False)
+    ros = parser.add_argument_group("ROS", "after BAG; what follows --ros-args is for ROS itself")
+    ros.add_argument(
+        "--publish",
+        action="store_true",
+        help="publish the result on the live node's topics and stay until interrupted",
+    )
+    ros.add_argument(
+        "--play",
+        type=_positive,
+        nargs="?",
+        const=1.0,
+        metavar="RATE",
+        help="publish the bag's poses and CameraInfo, RATE times as fast as recorded (default: 1); "
+        "after the calibration if --output asks for one, else without any",
+    )
+    ros.add_argument(
+        "--clock",
+        type=_positive,
+        nargs="?",
+        const=40.0,
+        metavar="HZ",
+        help="with --play: publish the time of the bag on /clock (default: 40 times a second)",
+    )
+    ros.add_argument(
+        "--loop", action="store_true", help="with --play: begin again at the end, until interrupted"
+    )
+    ros.add_argument(
+        "--wait",
+        type=_not_negative,
+        metavar="S",
+        help="with --play: wait at most S seconds until somebody listens to every topic "
+        f"(default: {_WAIT_S:g})",
+    )
 
 
 def main() -> int:
-    """Calibrate from the bag that the arguments of the process name.
-
-    The arguments are those of ``stcalib calibrate``; what follows ``--ros-args`` is for ROS.
+    """Do what the arguments of the process say.
 
     Returns
     -------
     int
-        Exit status of ``stcalib``; 2 if ROS is not there.
+        Exit status: that of ``stcalib calibrate``, 0 also if interrupted while publishing or
+        playing; 2 if ROS is not there.
     """
     try:
         from rclpy.utilities import remove_ros_args
 
-        from stcalib_ros.ros.convert import decode
+        import stcalib_ros.ros.convert  # noqa: F401
     except ModuleNotFoundError as error:
         print(
             f"replay: no module {error.name!r}: source the workspace's install/setup.bash, "
@@ -28,4 +90,101 @@ def main() -> int:
             file=sys.stderr,
         )
         return 2
-    return stcalib(["calibrate", *remove_ros_args(sys.argv)[1:]], decoder=decode)
+    return run_command("replay", lambda: _replay(remove_ros_args(sys.argv)[1:]))
+
+
+def _replay(argv: Sequence[str]) -> None:
+    from stcalib_ros.ros.convert import decode
+
+    args = _parsed(argv)
+    args.decoder = decode
+    calibrated = calibrate.run(args) if args.output is not None else None
+    if args.publish or args.play is not None:
+        _serve(args, calibrated)
+
+
+def _parsed(argv: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="replay",
+        description=_DESCRIPTION,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_arguments(parser)
+    args = parser.parse_args(argv)
+    if args.output is None and args.play is None:
+        parser.error("nothing to do: --output OUT.yaml calibrates, --play plays")
+    if args.output is None and (args.publish or args.report is not None):
+        parser.error("--publish and --report need a calibration: add --output OUT.yaml")
+    if args.play is None and (args.clock is not None or args.loop or args.wait is not None):
+        parser.error("--clock, --loop and --wait go with --play")
+    return args
+
+
+def _serve(args: argparse.Namespace, calibrated: tuple[Recording, Calibration] | None) -> None:
+    """Publish and play, until done or interrupted."""
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from stcalib_ros.ros.player import Player, PlayOptions
+    from stcalib_ros.ros.running import spin_until, stop_on_signals
+
+    stop = stop_on_signals()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("replay")
+    try:
+        if args.publish and calibrated is not None:
+            _publish(node, *calibrated, run_id=f"replay-{args.bag.stem}")
+        if args.play is not None:
+            wait_s = _WAIT_S if args.wait is None else args.wait
+            options = PlayOptions(args.play, args.clock, args.loop, wait_s)
+            Player(node, args.bag, calibrate.config_of(args).selection, options).play(stop)
+        if args.publish:
+            node.get_logger().info("the result stays published until interrupted (Ctrl-C)")
+            spin_until(stop, node)
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+@dataclass(frozen=True, slots=True)
+class _PublisherSettings:
+    """As `stcalib_ros.ros.publishers.PublisherSettings` has it."""
+
+    cameras: Sequence[CameraCalibration]
+    publish_tf: bool
+    tf_not_metric: bool
+    tf_suffix: str
+
+
+def _publish(node: Any, recording: Recording, calibration: Calibration, *, run_id: str) -> None:
+    """Publish a result, stamped with the end of its data, as the live node does."""
+    from stcalib_ros.ros.convert import calibration_result, time_message
+    from stcalib_ros.ros.parameters import TF_SPECS, declared
+    from stcalib_ros.ros.publishers import Publishers
+
+    tf = {spec.name: declared(node, spec) for spec in TF_SPECS}
+    publishers = Publishers(node, _PublisherSettings(calibration.cameras, **tf))
+    stamps = {camera.name: camera.stamps for camera in recording.cameras}
+    rates = {n: (len(s) - 1) / (s[-1] - s[0]) for n, s in stamps.items() if s[-1] > s[0]}
+    result = calibration_result(
+        calibration,
+        run_id=run_id,
+        stamp=time_message(calibration.window_s[1]),
+        frame_rates=rates,
+    )
+    publishers.publish(calibration, result)
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+def _not_negative(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is below 0")
+    return value

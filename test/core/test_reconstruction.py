@@ -9,7 +9,7 @@ import pytest
 
 from stcalib_ros.core.layouts import LAYOUTS
 from stcalib_ros.core.pipeline import Stages, run_stages
-from stcalib_ros.core.reconstruction import bones, person_rows, reconstruct, unit_of
+from stcalib_ros.core.reconstruction import bones, person_rows, reconstruct
 from stcalib_ros.core.synthetic import Scene, SceneOptions, simulate
 from stcalib_ros.core.types import Status
 from stcalib_ros.io.mocap import shipped_clips
@@ -89,7 +89,7 @@ def test_nobody_without_a_calibration() -> None:
     stages = run_stages(simulate(dataclasses.replace(OPTIONS, n_cameras=1)).recording)
     assert stages.calibration.cameras == ()
     assert reconstruct(stages) == ()
-    assert unit_of(stages) == 1.0
+    assert stages.placement is None
 
 
 @pytest.mark.parametrize("name", LAYOUTS)

@@ -9,7 +9,9 @@ import pytest
 from core_helpers import HALF_SECOND, every
 
 from stcalib_ros.core.covariance import PARAMETERS, pose_covariance
+from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import run_stages
+from stcalib_ros.core.placement import place
 from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.types import Recording, Status, UncalibratedCamera
 
@@ -62,12 +64,10 @@ def test_blocks_of_the_joint_covariance_are_those_of_the_cameras(result):
 def made(stages, recording, **changes):
     last = stages.rounds[-1]
     covariance = pose_covariance(last.observations, last.state)
+    parts = recording, stages.lifted, stages.skeleton, last, covariance
     return make_calibration(
-        recording,
-        stages.lifted,
-        stages.skeleton,
-        last,
-        covariance,
+        *parts,
+        place(*parts, Options()),
         **{"status": Status.OK, "message": "fine", "uncalibrated": ()} | changes,
     )
 

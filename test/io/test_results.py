@@ -66,6 +66,8 @@ def calibration(numbers: list[float], rotation: Rotation, margin: float = math.i
         n_inliers=90,
         joint_covariance=a[50:66].reshape(4, 4),
         parameter_order=("cam1.x", "cam1.y", "cam1.z", "cam1.time_offset_s"),
+        frame_id="hall" if margin == math.inf else "",
+        scale_stddev=float(a[66]) if margin == math.inf else math.nan,
     )
 
 

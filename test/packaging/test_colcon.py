@@ -86,13 +86,13 @@ def test_interfaces_and_configuration_are_shared(root, install):
     share = install[0] / "stcalib_ros/share/stcalib_ros"
     for name in ("msg/CalibrationResult.msg", "srv/Recalibrate.srv", "action/Calibrate.action"):
         assert (share / name).read_text() == (root / name).read_text()
-    for name in ("config/calibrate.yaml", "config/calibrator.yaml", "launch/calibrator.launch.py"):
-        assert (share / name).read_text() == (root / name).read_text()
+    for source in (*(root / "config").iterdir(), *(root / "launch").glob("*.py")):
+        assert (share / source.relative_to(root)).read_text() == source.read_text()
 
 
-def test_executables_are_where_ros2_run_looks(install, tmp_path):
+def test_executables_are_where_ros2_run_looks(root, install, tmp_path):
     executables = install[0] / "stcalib_ros/lib/stcalib_ros"
-    assert {p.name for p in executables.iterdir()} == {"calibrator", "replay", "stcalib"}
+    assert {p.name for p in executables.iterdir()} == {p.name for p in (root / "bin").iterdir()}
     said = run(install[0], str(executables / "stcalib"), "--version", cwd=tmp_path)
     assert said.stdout.split() == ["stcalib", stcalib_ros.__version__], said.stderr
     refused = run(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 
 import yaml
@@ -12,7 +13,7 @@ from stcalib_ros.io.config import Config, read_config
 
 def test_it_has_every_option_with_its_default(root):
     content = yaml.safe_load((root / "config/calibrate.yaml").read_text())
-    assert content == asdict(Options())
+    assert content == json.loads(json.dumps(asdict(Options())))
 
 
 def test_it_changes_nothing(root):

@@ -1,4 +1,4 @@
-"""The launch file, with stand-ins for `launch`, which no wheel brings."""
+"""The launch files, with stand-ins for `launch`, which no wheel brings."""
 
 from __future__ import annotations
 
@@ -31,13 +31,15 @@ def launch(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, module, stand_in)
 
 
-def test_it_starts_the_node_with_a_parameter_file(launch, root):
-    file = runpy.run_path(str(root / "launch/calibrator.launch.py"))
+@pytest.mark.parametrize("name", ["calibrator", "restamp"])
+def test_it_starts_the_node_with_a_parameter_file(launch, root, name):
+    file = runpy.run_path(str(root / f"launch/{name}.launch.py"))
     (actions,) = file["generate_launch_description"]().args
     (node,) = (a for a in actions if a.kind == "Node")
-    assert (node.package, node.executable) == ("stcalib_ros", "calibrator")
+    assert (node.package, node.executable) == ("stcalib_ros", name)
     assert (root / "bin" / node.executable).is_file()
     declared = {a.args[0] for a in actions if a.kind == "DeclareLaunchArgument"}
     assert {p.args[0] for p in (*node.parameters, node.namespace)} == declared
     (installed,) = (a.default_value for a in actions if a.args[:1] == ("params_file",))
-    assert (root / "/".join(installed.args[0][1:])).is_file()
+    assert (root / "/".join(installed.args[0][1:])) == root / f"config/{name}.yaml"
+    assert (root / f"config/{name}.yaml").is_file()

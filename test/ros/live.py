@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ LATCHED = QoSProfile(
 
 
 class LiveNode:
-    """A calibrator process; its standard error goes to a file."""
+    """A process of the package, a calibrator unless another is named; what it says is in a file."""
 
     def __init__(
         self,
@@ -38,10 +38,12 @@ class LiveNode:
         name: str,
         *,
         setup_file: Path | None = None,
+        executable: str = "calibrator",
+        arguments: Sequence[str | Path] = (),
     ) -> None:
         prefixes = os.environ["AMENT_PREFIX_PATH"].split(os.pathsep)
-        executable = next(
-            p for p in (Path(x) / "lib/stcalib_ros/calibrator" for x in prefixes) if p.exists()
+        command = next(
+            p for p in (Path(x) / "lib/stcalib_ros" / executable for x in prefixes) if p.exists()
         )
         given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
         script = f'source "{setup_file}"; exec "$@"'
@@ -49,7 +51,7 @@ class LiveNode:
         self.log = folder / f"{name}.log"
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(
-                [*sourcing, executable, "--ros-args", "-r", f"__node:={name}", *given],
+                [*sourcing, command, *arguments, "--ros-args", "-r", f"__node:={name}", *given],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,

@@ -1,4 +1,4 @@
-"""/tf_static of the live node over real DDS, and going back to an earlier calibration."""
+"""/tf_static over real DDS, and going back to an earlier calibration."""
 
 from __future__ import annotations
 
@@ -21,8 +21,12 @@ from samples import calibration
 from stcalib_ros.msg import CalibrationResult
 from std_srvs.srv import Trigger
 
+from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.core.types import Calibration
+from stcalib_ros.io.bag_writer import write_recording
 from stcalib_ros.io.history import History
+from stcalib_ros.io.mocap import shipped_clips
+from stcalib_ros.io.results import read_result
 
 ROOT = Path(__file__).parents[2]
 PARAMETERS = {"cameras": "[cam0, cam1, cam2]"}
@@ -98,6 +102,28 @@ def test_all_cameras_are_in_one_message_and_a_rollback_replaces_it(setup_file, t
     finally:
         live.kill()
         client.close()
+
+
+def test_replay_publishes_there_too(setup_file, tmp_path):
+    bag, output = tmp_path / "walk.mcap", tmp_path / "walk.yaml"
+    scene = SceneOptions(n_cameras=2, n_people=2, n_frames=150, seed=1)
+    write_recording(simulate(scene, clips=shipped_clips()).recording, bag)
+    live = LiveNode(
+        tmp_path,
+        {"tf_suffix": "_found"},
+        "replay",
+        setup_file=setup_file,
+        executable="replay",
+        arguments=[bag, "--output", output, "--publish"],
+    )
+    try:
+        (frame,) = (frames := heard(setup_file))
+        camera = read_result(output).cameras[1]
+        assert frame == f"{camera.frame_id}_found"
+        assert frames[frame][1:] == pytest.approx(camera.t_ref_cam.tolist(), abs=1e-12)
+        assert live.stop()[0] == 0
+    finally:
+        live.kill()
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,8 +21,8 @@ from stcalib_ros.core.metrics import (
     triangulation_errors,
 )
 from stcalib_ros.core.paper.registration import PairRegistration
+from stcalib_ros.core.persons import tracks_of
 from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.result import tracks_of
 from stcalib_ros.core.rounds import Round, sub_rig
 from stcalib_ros.core.timeline import Interpolation, common_step, frame_period
 from stcalib_ros.core.types import (
@@ -140,7 +140,8 @@ def judge_stages(
         rows["PR"] = _pairs_errors(stages, truth, fps)
     if stages.rigs and stages.rounds:
         first, last = stages.rounds[0], stages.rounds[-1]
-        rows["MI"] = _integration_errors(stages, first, truth, fps)
+        if (integrated := _integration_errors(stages, first, truth, fps)) is not None:
+            rows["MI"] = integrated
         names = ("BA", "IBA") if synchronised else ("STBA", "ISTBA")
         rows[names[0]] = _round_errors(stages, first, truth, fps)
         rows[names[1]] = _round_errors(stages, last, truth, fps)
@@ -163,7 +164,7 @@ def _pairs_errors(stages: Stages, truth: Calibration, fps: float) -> Errors:
     right = [row.precision * row.n_matches for row in rows if row.n_matches]
 
     def mean(values: list[float]) -> float:
-        return float(np.nanmean(values)) if rows else float("nan")
+        return _mean(np.array([v for v in values if np.isfinite(v)]))
 
     return Errors(
         E_R=mean([row.E_R for row in rows]),
@@ -237,23 +238,18 @@ def _read(camera: LiftedCamera, p: int, times: FloatArray) -> tuple[FloatArray, 
     return at(track.x), at(track.focal)
 
 
-def _integration_errors(stages: Stages, first: Round, truth: Calibration, fps: float) -> Errors:
+def _integration_errors(
+    stages: Stages, first: Round, truth: Calibration, fps: float
+) -> Errors | None:
     """Of the best supported rig, with the association that the adjustment starts from."""
     whole = stages.rigs[0]
-    common = np.intersect1d(whole.cameras, first.rig.cameras)
-    if len(common) < 2:
-        raise InputError("the adjustment has not two cameras of the best supported rig")
-    members = [int(np.flatnonzero(whole.cameras == c)[0]) for c in first.rig.cameras if c in common]
-    rig = sub_rig(whole, members)
     of = {int(c): a for c, a in zip(first.rig.cameras, first.association.person_of, strict=True)}
-    association = Association(
-        tuple(of[int(c)] for c in rig.cameras),
-        first.association.start_s,
-        first.association.slot_s,
-        first.association.n_persons,
-        first.association.typical_px,
-        first.association.margins,
-    )
+    members = [i for i, c in enumerate(whole.cameras) if int(c) in of]
+    if len(members) < 2:
+        return None
+    rig = sub_rig(whole, members)
+    person_of = tuple(of[int(c)] for c in rig.cameras)
+    association = replace(first.association, person_of=person_of)
     points = _rig_points(stages.lifted, rig, association)
     errors = points.errors(rig.R_ref_cam, rig.t_ref_cam)
     return _rig_errors(stages.lifted, rig, association, points, errors, truth, fps)

@@ -6,7 +6,7 @@ for T frames." Nothing here gives a verdict: that needs the whole calibration.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.hypotheses import PairHypothesis, register_pair
 from stcalib_ros.core.lift import LiftedCamera, LiftedTrack, lift_recording
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.paper.oriented import oriented_points, spread_windows
+from stcalib_ros.core.paper.oriented import oriented_points
 from stcalib_ros.core.paper.registration import PairRegistration, register
 from stcalib_ros.core.skeleton import Skeleton, common_skeleton
 from stcalib_ros.core.timeline import common_step, sample_camera
@@ -49,47 +49,6 @@ def lift_views(recording: Recording, options: Options) -> Views:
     skeleton = common_skeleton(recording)
     lifted = lift_recording(recording, skeleton, min_score=options.min_score, turn=turn)
     return Views(skeleton, lifted)
-
-
-def register_pairs(
-    views: Views,
-    cameras: Sequence[int],
-    options: Options,
-    *,
-    start_s: float,
-    step_s: float,
-    n: int,
-    tick: Callable[[float], None],
-) -> tuple[PairRegistration, ...]:
-    """Register all pairs of cameras by the paper's method, on windows spread over the recording.
-
-    Parameters
-    ----------
-    views : Views
-    cameras : sequence of int
-    options : Options
-    start_s, step_s : float
-        Time of sample 0 and between samples, by every camera's clock, seconds.
-    n : int
-        Samples.
-    tick : callable
-        Called with the fraction done before each pair.
-    """
-    o = options.vmf
-    rng = np.random.default_rng(options.seed)
-    points = {
-        c: oriented_points(views.lifted[c], views.skeleton, start=start_s, step=step_s, n=n)
-        for c in cameras
-    }
-    reach = int(np.ceil(2.0 * options.offset_range_s / step_s)) if o.search_offsets else 0
-    lags = np.arange(-reach, reach + 1)
-    starts = spread_windows(n, o.window, o.n_windows)
-    pairs = [(a, b) for i, a in enumerate(cameras) for b in cameras[i + 1 :]]
-    found = []
-    for k, (a, b) in enumerate(pairs):
-        tick(k / len(pairs))
-        found.append(register(a, b, points[a], points[b], starts, lags, o, rng))
-    return tuple(pair for pair in found if pair is not None)
 
 
 def register_on_windows(

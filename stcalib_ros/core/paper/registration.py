@@ -22,6 +22,8 @@ from stcalib_ros.core.paper.translation import translation_direction
 from stcalib_ros.core.paper.vmf import VonMisesFisher, fit
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
+_BLOCK = 4_000_000
+"""Numbers that one array of a block of offsets may have."""
 _MAX_SUBSETS = 30
 _FINALISTS = 24
 _REFITS = 2
@@ -101,58 +103,59 @@ class _Search:
     ) -> None:
         self.target, self.source, self.starts, self.lags = target, source, starts, lags
         self.o, self.rng = o, rng
-        self.ransac = 0 < o.n_hypothesised < len(source.v)
         samples = samples_of(starts, o.window, np.zeros((), dtype=np.int64))
         self.v, self.known = take(target.v, samples), take(target.known, samples)
-        model, seen = source_model(source, starts, lags, o.window)
-        self.evidence = gather_evidence(self.v, self.known, model, seen)
-        plain = VonMisesFisher(model.mu, np.where(model.kappa > 0, 1.0, 0.0))
-        self.plain = gather_evidence(self.v, self.known, plain, seen)
-        joints = self.known.sum(2).transpose(1, 0, 2)
-        self.count: FloatArray = joints @ plain.kappa.transpose(1, 2, 3, 0)
+        self.model, self.seen = source_model(source, starts, lags, o.window)
+        self.ransac = 0 < o.n_hypothesised < len(source.v)
 
     def best(self) -> tuple[FloatArray, int, BoolArray, float] | None:
         """Rotation, index of the lag, association and cost of the best hypothesis."""
+        if not self.known.any():
+            return None
         n_persons = len(self.source.v)
-        ransac = 0 < self.o.n_hypothesised < n_persons
-        subsets = self._subsets(n_persons) if ransac else [list(range(n_persons))]
+        subsets = self._subsets(n_persons) if self.ransac else [list(range(n_persons))]
         hypothesised = np.zeros((len(subsets), n_persons), dtype=bool)
         np.put_along_axis(hypothesised, np.array(subsets), values=True, axis=-1)
-        R = np.stack([self._fitted(subset) for subset in subsets])
-        R, lag, which = self._finalists(R, hypothesised)
+        R, lag, which = self._finalists(subsets, hypothesised)
+        evidence = self._evidence(lag)
         limit = self.o.no_match_rad
-        if ransac:
+        if self.ransac:
             sources = hypothesised[which]
-            R = self._refitted(R, lag, sources, limit)
-            usual = max(_OUTLIER_FACTOR * self._least_cost(R, lag, sources), _LEAST_LIMIT_RAD)
-            limit = min(limit, usual)
-            R = self._refitted(R, lag, np.ones_like(sources), limit)
+            R = self._refitted(R, lag, evidence, sources, limit)
+            least = self._least_cost(R, lag, evidence, sources)
+            limit = min(limit, max(_OUTLIER_FACTOR * least, _LEAST_LIMIT_RAD))
+            R = self._refitted(R, lag, evidence, np.ones_like(sources), limit)
         angles, A = self._associate(R, lag, limit)
         each = np.where(A.any(-1), np.where(A, angles, 0.0).sum(-1), limit)
-        seen: BoolArray = np.asarray(self.evidence.frames > 0)
-        if not seen.any():
-            return None
-        cost = np.where(seen, each, 0.0).sum((1, 2)) / seen.sum()
+        seen = np.where(evidence.frames > 0, 1.0, 0.0)
+        cost = (seen * each).sum((1, 2)) / seen.sum()
         k = int(cost.argmin())
         return (R[k], int(lag[k]), A[k], float(cost[k])) if A[k].any() else None
 
+    def _evidence(self, lag: IntArray) -> Evidence:
+        """Statistics at some offsets."""
+        model = VonMisesFisher(self.model.mu[:, lag], self.model.kappa[:, lag])
+        return gather_evidence(self.v, self.known, model, self.seen[:, lag])
+
     def _refitted(
-        self, R: FloatArray, lag: IntArray, sources: BoolArray, limit: float
+        self, R: FloatArray, lag: IntArray, evidence: Evidence, sources: BoolArray, limit: float
     ) -> FloatArray:
         """Rotations on all matches with some source persons (H, Q), matched again and again."""
         for _ in range(_REFITS):
             A = self._associate(R, lag, limit)[1] & sources[:, None, None]
-            S = np.einsum("hwpq,hwpqij->hij", A * 1.0, self.evidence.B[lag], optimize=True)
+            S = np.einsum("hwpq,hwpqij->hij", A * 1.0, evidence.B, optimize=True)
             R = np.where((A.sum((1, 2, 3)) > 0)[:, None, None], best_rotation(S), R)
         return R
 
-    def _least_cost(self, R: FloatArray, lag: IntArray, sources: BoolArray) -> float:
+    def _least_cost(
+        self, R: FloatArray, lag: IntArray, evidence: Evidence, sources: BoolArray
+    ) -> float:
         """Mean angle of the matches of the hypothesised persons (H, Q), of the best hypothesis."""
         limit = self.o.no_match_rad
         angles, A = self._associate(R, lag, limit)
         each = np.where(A.any(2), np.where(A, angles, 0.0).sum(2), limit)
-        present: BoolArray = np.asarray(self.evidence.present.any(2))
-        asked = np.where(sources[:, None] & present[lag], 1.0, 0.0)
+        present: BoolArray = np.asarray(evidence.present.any(2))
+        asked = np.where(sources[:, None] & present, 1.0, 0.0)
         n = asked.sum((1, 2))
         mean = (asked * each).sum((1, 2)) / np.maximum(n, 1.0)
         return float(np.where(n > 0, mean, limit).min())
@@ -165,9 +168,8 @@ class _Search:
         chosen = self.rng.choice(len(every), _MAX_SUBSETS, replace=False)
         return [every[i] for i in sorted(chosen)]
 
-    def _fitted(self, sources: list[int]) -> FloatArray:
-        """Rotations (L, 3, 3) of the likeliest start at every offset, for some source persons."""
-        evidence = self.evidence.of_sources(sources)
+    def _fitted(self, evidence: Evidence) -> FloatArray:
+        """Rotations (L, 3, 3) of the likeliest start at every offset."""
         found = maximise(evidence, self._initial(evidence))
         best = found.log_likelihood.argmax(-1)
         return np.asarray(found.R[np.arange(len(best)), best])
@@ -182,23 +184,45 @@ class _Search:
         return matrix_from_quaternion(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
     def _finalists(
-        self, R: FloatArray, hypothesised: BoolArray
+        self, subsets: list[list[int]], hypothesised: BoolArray
     ) -> tuple[FloatArray, IntArray, IntArray]:
-        """Of hypotheses (subset, offset) those with the least angle to the mean directions.
+        """Of all hypotheses (subset, offset) those with the least angle to the mean directions.
 
         Rotations (H, 3, 3), and indices of the offset and of the subset (H,).
         """
+        W, P, Q = len(self.starts), len(self.v), len(self.source.v)
+        n_starts = P * Q if self.o.initial == "candidates" else self.o.n_starts
+        size = max(1, _BLOCK // (W * P * max(9 * Q, n_starts * len(subsets[0]))))
+        found: list[tuple[FloatArray, FloatArray, IntArray, IntArray]] = []
+        for block in np.split(np.arange(len(self.lags)), range(size, len(self.lags), size)):
+            evidence = self._evidence(block)
+            R = np.stack([self._fitted(evidence.of_sources(subset)) for subset in subsets])
+            cost = self._preliminary_costs(R, block, hypothesised)
+            kept = np.argsort(cost.ravel(), kind="stable")[:_FINALISTS]
+            lag, which = block[kept % len(block)], kept // len(block)
+            found.append((cost.ravel()[kept], R.reshape(-1, 3, 3)[kept], lag, which))
+        cost, R, lag, which = (np.concatenate(part) for part in zip(*found, strict=True))
+        kept = np.argsort(cost, kind="stable")[:_FINALISTS]
+        return R[kept], lag[kept], which[kept]
+
+    def _preliminary_costs(
+        self, R: FloatArray, lag: IntArray, hypothesised: BoolArray
+    ) -> FloatArray:
+        """Summed angles (N, L) of the persons of N subsets to the nearest target persons."""
         N, L = R.shape[:2]
-        _, W, P, Q = self.count.shape
+        known = np.where(self.model.kappa[:, lag] > 0, 1.0, 0.0)
+        plain = gather_evidence(
+            self.v, self.known, VonMisesFisher(self.model.mu[:, lag], known), self.seen[:, lag]
+        )
+        joints = self.known.sum(2).transpose(1, 0, 2)
+        count: FloatArray = joints @ known.transpose(1, 2, 3, 0)
         flat = R.swapaxes(0, 1).reshape(L, N, 9)
-        fit = flat @ self.plain.B.reshape(L, -1, 9).swapaxes(1, 2)
-        mean = fit.reshape(L, N, W, P, Q) / np.maximum(self.count, 1.0)[:, None]
-        usable = (self.count > 0) & self.evidence.present
+        fit = flat @ plain.B.reshape(L, -1, 9).swapaxes(1, 2)
+        mean = fit.reshape(L, N, *count.shape[1:]) / np.maximum(count, 1.0)[:, None]
+        usable = (count > 0) & plain.present
         angle = np.where(usable[:, None], np.arccos(np.clip(mean, -1.0, 1.0)), np.inf)
         nearest = np.minimum(angle.min(3), self.o.no_match_rad)
-        cost = np.einsum("lnwq,nq->nl", nearest, hypothesised * 1.0)
-        kept = np.argsort(cost.ravel(), kind="stable")[:_FINALISTS]
-        return R.reshape(-1, 3, 3)[kept], np.asarray(kept % L), np.asarray(kept // L)
+        return np.asarray(np.einsum("lnwq,nq->nl", nearest, hypothesised * 1.0))
 
     def _associate(
         self, R: FloatArray, lag: IntArray, limit: float
@@ -216,7 +240,7 @@ class _Search:
         matches = np.argwhere(A)
         t = self._translation(R, int(self.lags[lag]), matches)
         gain = 1.0 - cost / self.o.no_match_rad
-        frames = float(self.evidence.frames[matches[:, 0], matches[:, 1]].sum())
+        frames = float(self.known.max(-1).sum(-1)[matches[:, 1], matches[:, 0]].sum())
         hypothesis = PairHypothesis(
             a,
             b,

@@ -10,8 +10,11 @@ from core_helpers import lifted, true_rig
 
 from stcalib_ros.core.association import Association
 from stcalib_ros.core.geometry import rotation_angle
+from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.observations import Observations
-from stcalib_ros.core.options import BundleOptions
+from stcalib_ros.core.options import BundleOptions, Options
+from stcalib_ros.core.paper.registration import PairRegistration
+from stcalib_ros.core.paper.stages import Grid, adjust_pairs
 from stcalib_ros.core.paper.stba import adjust_rounds, discard, window_velocities
 from stcalib_ros.core.rounds import Unconnected
 from stcalib_ros.core.synthetic import SceneOptions, paper_scene
@@ -125,3 +128,13 @@ def test_cameras_that_share_nobody_fall_apart(scene):
     found = adjusted(scene, replace(association, person_of=nobody), true_rig(scene))
     assert isinstance(found, Unconnected)
     assert found.groups[0] == (0, 1)
+
+
+def test_cameras_without_a_registered_pair_between_them_fall_apart(scene):
+    h = PairHypothesis(0, 1, np.eye(3), np.array([1.0, 0, 0]), 0.0, ((0, 0),), 1.0)
+    pair = PairRegistration(h, np.array([0]), np.array([[0, 0, 0]]), 0.1)
+    grid = Grid(0.0, 60, STEP_S)
+    cameras, rig = lifted(scene.recording)[1], true_rig(scene)
+    found = adjust_pairs(cameras, rig, [pair], Options(), grid, lambda *_: None)
+    assert isinstance(found, Unconnected)
+    assert found.groups == ((0, 1), (2,), (3,))

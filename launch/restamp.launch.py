@@ -1,0 +1,26 @@
+"""Starts the clock relay: `ros2 launch stcalib_ros restamp.launch.py params_file:=FILE`."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description() -> LaunchDescription:
+    """One node, with the parameter file that is asked for or the one that is installed."""
+    installed = PathJoinSubstitution([FindPackageShare("stcalib_ros"), "config", "restamp.yaml"])
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("params_file", default_value=installed),
+            DeclareLaunchArgument("namespace", default_value=""),
+            Node(
+                package="stcalib_ros",
+                executable="restamp",
+                name="restamp",
+                namespace=LaunchConfiguration("namespace"),
+                parameters=[LaunchConfiguration("params_file")],
+                output="screen",
+            ),
+        ]
+    )
