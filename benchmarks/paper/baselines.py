@@ -97,7 +97,8 @@ def by_arcs(
         return None
     keep = rng.permutation(len(left))[:MAX_PROPOSALS]
     R = arcs(left[keep], right[keep]).R_a_b
-    angles = mean_angles(v_a, k_a * 1.0, v_b[:, None], k_b[:, None] * 1.0, R[None])[0]
+    known_a, known_b = (np.asarray(k, dtype=np.float64) for k in (k_a, k_b))
+    angles = mean_angles(v_a, known_a, v_b[:, None], known_b[:, None], R[None])[0]
     A = match(angles, o.no_match_rad)
     return _registration(s, a, b, R, np.argwhere(A), o.window)
 
@@ -124,6 +125,11 @@ def by_reid(
     ).reshape(-1, 3)
     h = replace(found, t_a_b=found.t_a_b * _length(s, found, matches, o.window))
     return PairRegistration(h, s.starts, matches, float("nan"))
+
+
+def _of_windows(x: FloatArray, at: IntArray) -> FloatArray:
+    """Joints (P, W T, J, 2) in the samples (W, T) of the windows."""
+    return np.asarray(x[:, at.ravel()])
 
 
 BASELINES: dict[str, Register] = {"ARCS": by_arcs, "ReID-Calib": by_reid}

@@ -32,6 +32,7 @@ from stcalib_ros.core.types import Calibration, FloatArray, Recording
 from stcalib_ros.io.convert import ConvertOptions, convert_npz
 
 TABLE_I = ("160906_pizza1", "soccer1_6", "industry_safety_2")
+TABLE_II = tuple(scene.name for scene in SCENES)
 SEARCH_S = SEARCH_FRAMES / FPS
 BALANCE = DATA / "pose2sim_balance" / "balance_multi_blazepose.npz"
 BALANCE_SHIFTS_S = {"cam02": 0.317, "cam03": -0.21, "cam04": 0.143}
@@ -47,12 +48,12 @@ def options_of(method: str, T: int, *, range_s: float, search_offsets: bool = Tr
     )
 
 
-def table1_tasks(n_trials: int) -> list[Task]:
+def table1_tasks(n_trials: int, scenes: Sequence[str] = TABLE_I) -> list[Task]:
     """Table I: synchronised clips, every method, rows PR, MI, BA, IBA."""
     methods = ("default", "paper", *BASELINES)
     return [
         Task(f"{name} {method} trial {k}", table1_rows, (name, method, k))
-        for name in TABLE_I
+        for name in scenes
         for method in methods
         for k in range(n_trials)
     ]
@@ -69,13 +70,12 @@ def table1_rows(name: str, method: str, trial: int) -> list[Row]:
     return stage_rows(name, method, trial, made.recording, made.truth, options, fps=FPS)
 
 
-def table2_tasks(n_trials: int, scenes: Sequence[str] = ()) -> list[Task]:
+def table2_tasks(n_trials: int, scenes: Sequence[str] = TABLE_II) -> list[Task]:
     """Table II: clocks late by five frames, every scene, rows STBA and ISTBA."""
     methods = ("default", "paper", "paper, offsets by STBA alone", "Vo et al.")
     return [
-        Task(f"{scene.name} {method} trial {k}", table2_rows, (scene.name, method, k))
-        for scene in SCENES
-        if not scenes or scene.name in scenes
+        Task(f"{name} {method} trial {k}", table2_rows, (name, method, k))
+        for name in scenes
         for method in methods
         for k in range(n_trials)
     ]

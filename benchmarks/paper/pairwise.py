@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -14,10 +13,11 @@ from benchmarks.paper.run import Row, Task, row
 from benchmarks.paper.scenes import (
     FPS,
     OFFSET_FRAMES,
+    REDUCED,
     SCENES,
     SEARCH_FRAMES,
+    ULTIMATUM,
     PaperScene,
-    clips,
     scene_named,
     window_starts,
 )
@@ -35,10 +35,7 @@ STEP = 5
 """The full clip: windows one after the other."""
 
 TABLE_III = ("170915_toddler5", "160422_ultimatum1", "160906_pizza1")
-ULTIMATUM = replace(scene_named("160906_pizza1"), name="160422_ultimatum1", n_people=7, seed=110)
-"""Not in Table II; people and views of its own, cameras of the dome."""
-
-_NAMES = {s.seed: s.name for s in (*SCENES, ULTIMATUM)}
+_NAMES = {s.seed: s.name for s in (*SCENES, ULTIMATUM, REDUCED)}
 
 _HIDDEN = {"160422_ultimatum1": 2, "160906_pizza1": 1}
 """Of how many people each camera of these scenes never sees anything: views that do not overlap."""
@@ -48,7 +45,7 @@ def noisy_scene(
     name: str, *, sigma_px: float, trial: int, offset_frames: float, n_frames: int = N_FRAMES
 ) -> Scene:
     """The paper's synthetic observations of one of its scenes."""
-    scene = ULTIMATUM if name == ULTIMATUM.name else scene_named(name)
+    scene = scene_named(name)
     options = SceneOptions(
         n_people=scene.n_people,
         n_frames=n_frames,
@@ -60,7 +57,7 @@ def noisy_scene(
         seed=1000 * trial + scene.seed,
     )
     hidden = _hidden(scene, trial)
-    return paper_scene(options, offset_frames=offset_frames, hidden=hidden, clips=clips())
+    return paper_scene(options, offset_frames=offset_frames, hidden=hidden, clips=scene.clips)
 
 
 def _hidden(scene: PaperScene, trial: int) -> dict[int, list[int]]:
@@ -75,18 +72,19 @@ def method_options(method: str, *, ransac: bool, n_starts: int = 10) -> Options:
     return Options(registration=RegistrationOptions(method=method), vmf=vmf)
 
 
-def noise_tasks(sigmas: Sequence[float], n_observations: int, n_initial: int) -> list[Task]:
+def noise_tasks(
+    name: str, sigmas: Sequence[float], n_observations: int, n_initial: int
+) -> list[Task]:
     """The noise figure: sigma 1..5, ten noisy observations, ten random initial rotations each."""
     return [
-        Task(f"sigma {sigma:g} observation {k}", noise_rows, (sigma, k, n_initial))
+        Task(f"sigma {sigma:g} observation {k}", noise_rows, (name, sigma, k, n_initial))
         for sigma in sigmas
         for k in range(n_observations)
     ]
 
 
-def noise_rows(sigma_px: float, trial: int, n_initial: int) -> list[Row]:
-    """All methods on one noisy observation, clocks known; mean over the six pairs in `summary`."""
-    name = "170915_toddler5"
+def noise_rows(name: str, sigma_px: float, trial: int, n_initial: int) -> list[Row]:
+    """All methods on one noisy observation, clocks known; all pairs."""
     scene = noisy_scene(name, sigma_px=sigma_px, trial=trial, offset_frames=0.0)
     starts = window_starts(N_FRAMES, T, N_WINDOWS)
     single = [starts[trial % N_WINDOWS]]
@@ -103,11 +101,11 @@ def noise_rows(sigma_px: float, trial: int, n_initial: int) -> list[Row]:
     return rows
 
 
-def table3_tasks(n_trials: int) -> list[Task]:
+def table3_tasks(n_trials: int, scenes: Sequence[str] = TABLE_III) -> list[Task]:
     """Table III: sigma 3, offset +5, search +-10, T = 5, with and without RANSAC."""
     return [
         Task(f"{name} trial {k}", table3_rows, (name, k))
-        for name in TABLE_III
+        for name in scenes
         for k in range(n_trials)
     ]
 

@@ -10,7 +10,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import Any
 
 from stcalib_ros.core.paper.judge import Errors
 
-Row = Mapping[str, Any]
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +79,7 @@ def _finished(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, list[Row
             yield running[future], future.result()
 
 
-def row(
-    scene: str, method: str, stage: str, trial: int, errors: Errors | None, **more: Any
-) -> dict[str, Any]:
+def row(scene: str, method: str, stage: str, trial: int, errors: Errors | None, **more: Any) -> Row:
     """One row: what was run, and its errors (none: it failed)."""
     figures = {} if errors is None else asdict(errors)
     return {"scene": scene, "method": method, "stage": stage, "trial": trial} | figures | more
