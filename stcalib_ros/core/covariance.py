@@ -9,7 +9,7 @@ import numpy as np
 from stcalib_ros.core import stba
 from stcalib_ros.core.geometry import hat
 from stcalib_ros.core.observations import Observations
-from stcalib_ros.core.types import FloatArray, IntArray
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 PARAMETERS = ("x", "y", "z", "rot_x", "rot_y", "rot_z", "time_offset_s")
 _LONGEST_SPAN = 150
@@ -44,13 +44,14 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
         Per camera x, y, z of its centre, rotation about the fixed axes of the reference frame
         (rad) and offset (s).
     """
-    system, scores, points = stba.point_scores(o, _calmed(o, state))
     free, scale = stba.gauge(state.t_cam_ref, synchronised=state.synchronised)
+    cluster = _clusters(o, state.used.sum(1) >= 2, n_unknowns=len(free))
+    system, scores = stba.cluster_scores(o, _calmed(o, state), cluster)
     H = (system.H + 1e6 * np.diag(system.H).max() * np.outer(scale, scale))[np.ix_(free, free)]
     size = np.sqrt(np.maximum(np.diag(H), 1e-30))
     inverse = np.linalg.pinv(H / np.outer(size, size), rcond=1e-13, hermitian=True)
     inverse /= np.outer(size, size)
-    U = _cluster_sums(o, scores, points, n_unknowns=len(free))[free]
+    U = scores[free]
     n = U.shape[1]
     covariance = np.zeros_like(system.H)
     covariance[np.ix_(free, free)] = inverse @ (U @ U.T) @ inverse * n / max(n - len(free), 1)
@@ -64,24 +65,25 @@ def _calmed(o: Observations, state: stba.BundleState) -> stba.BundleState:
     return replace(state, V=V, A=A)
 
 
-def _cluster_sums(
-    o: Observations, scores: FloatArray, points: IntArray, *, n_unknowns: int
-) -> FloatArray:
-    """Sums (7 C, n) of the scores of one joint of one person over a span of time each.
+def _clusters(o: Observations, known: BoolArray, *, n_unknowns: int) -> IntArray:
+    """Number (N, J) of the cluster of each joint: of one person over a span of time.
 
-    The span is shortened where that would leave fewer clusters than three per unknown.
+    The span is shortened where that would leave fewer clusters of known joints than three per
+    unknown.
     """
     J = o.seen.shape[2]
-    row, joint = points // J, points % J
     span = 2 * _LONGEST_SPAN
     n = 0
     while n < _CLUSTERS_PER_UNKNOWN * n_unknowns and span > _SHORTEST_SPAN:
         span //= 2
-        keys = np.stack([o.person[row], o.knot[row] // span, joint], -1)
-        _, cluster = np.unique(keys, axis=0, return_inverse=True)
-        n = int(cluster.max()) + 1
-    sums = [np.bincount(cluster.ravel(), weights=row, minlength=n) for row in scores]
-    return np.stack(sums)
+        keys = np.stack([o.person, o.knot // span], -1)
+        _, stretch = np.unique(keys, axis=0, return_inverse=True)
+        number = stretch.reshape(-1, 1) * J + np.arange(J)
+        occupied, found = np.unique(number[known], return_inverse=True)
+        n = len(occupied)
+    cluster: IntArray = np.zeros(known.shape, dtype=np.int64)
+    cluster[known] = found.ravel()
+    return cluster
 
 
 def _to_reference(state: stba.BundleState) -> FloatArray:

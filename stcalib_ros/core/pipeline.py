@@ -69,7 +69,7 @@ class Stages:
     rigs : tuple of Rig
         Of the multi-view integration (MI), best first.
     rounds : tuple of Round
-        Of the adjustment: the first is STBA, the last ISTBA.
+        Of the adjustment, the first and the last two: the first is STBA, the last ISTBA.
     calibration : Calibration
     placement : Placement or None
         How the calibration lies in the world; None without cameras.
@@ -90,6 +90,7 @@ def calibrate(
     *,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
+    adjusted: Callable[[float], None] | None = None,
 ) -> Calibration:
     """Calibrate cameras from the people that they see.
 
@@ -101,6 +102,9 @@ def calibrate(
         Called with the name of the stage and the fraction of it that is done.
     cancelled : callable, optional
         Asked between steps; the calibration ends when it returns true.
+    adjusted : callable, optional
+        Called with the root mean square reprojection error so far, px, as soon as there is one
+        and after every further round of the adjustment.
 
     Returns
     -------
@@ -115,7 +119,8 @@ def calibrate(
     Cancelled
         `cancelled` returned true.
     """
-    return run_stages(recording, options, progress=progress, cancelled=cancelled).calibration
+    run = _Run(recording, options or Options(), progress, cancelled, adjusted)
+    return run.stages().calibration
 
 
 def run_stages(
@@ -138,9 +143,10 @@ class _Run:
         options: Options,
         progress: Progress | None,
         cancelled: Callable[[], bool] | None,
+        adjusted: Callable[[float], None] | None = None,
     ) -> None:
         self.recording, self.options = recording, options
-        self.progress, self.cancelled = progress, cancelled
+        self.progress, self.cancelled, self.adjusted = progress, cancelled, adjusted
         self.hypotheses: tuple[PairHypothesis, ...] = ()
         self.rigs: tuple[Rig, ...] = ()
         self.rounds: tuple[Round, ...] = ()
@@ -201,6 +207,7 @@ class _Run:
         while True:
             self.rounds = self._iterate(start)
             last = self.rounds[-1]
+            self.tick("quality", 0.0)
             covariance = pose_covariance(last.observations, last.state)
             found = self._evidence(last, covariance)
             bad = [i for i, e in enumerate(found) if e.complaint() is not None]
@@ -357,11 +364,16 @@ class _Run:
                 start,
                 self.options.bundle,
                 step_s=self.step_s,
-                tick=lambda fraction: self.tick("bundle adjustment", fraction),
+                tick=self._tick_round,
             )
             if not isinstance(result, Unconnected):
                 return result
             start = self._start(self._largest(start.rig, result))
+
+    def _tick_round(self, fraction: float, before: Round) -> None:
+        if self.adjusted is not None:
+            self.adjusted(before.rms_px())
+        self.tick("bundle adjustment", fraction)
 
     def _largest(self, rig: Rig, apart: Unconnected) -> Rig:
         """The part of a rig that holds together; the reference's if it has two cameras."""

@@ -58,6 +58,11 @@ class Round:
     coverage: float
     share: float
 
+    def rms_px(self) -> float:
+        """Root mean square reprojection error of the inliers, px; NaN if there is none."""
+        errors = stba.errors_px(self.observations, self.state)[self.state.used]
+        return float(np.sqrt((errors**2).mean())) if len(errors) else float("nan")
+
     def fit(self, scale_px: float) -> float:
         """How much of all that was seen this round explains, beyond what it was free to fit.
 
@@ -126,7 +131,7 @@ def iterate(
     o: BundleOptions,
     *,
     step_s: float,
-    tick: Callable[[float], None],
+    tick: Callable[[float, Round], None],
 ) -> tuple[Round, ...] | Unconnected:
     """Rounds until neither persons nor cameras change; the last one is solved to the end.
 
@@ -137,22 +142,23 @@ def iterate(
     o : BundleOptions
     step_s : float
     tick : callable
-        Called with the fraction done before each round.
+        Called before each round with the fraction done and the round before.
 
     Returns
     -------
     tuple of Round or Unconnected
-        The latter as soon as cameras fall apart.
+        The first round and the last two; those between would only take memory. The latter as soon
+        as cameras fall apart.
     """
     done = [first]
-    while len(done) < o.rounds:
-        tick(len(done) / o.rounds)
-        settled = len(done) > 2 and _settled(done[-2], done[-1], step_s)
-        last = settled or len(done) == o.rounds - 1
+    for n in range(1, o.rounds):
+        tick(n / o.rounds, done[-1])
+        settled = n > 2 and _settled(done[-2], done[-1], step_s)
+        last = settled or n == o.rounds - 1
         result = next_round(cameras, done[-1], o, step_s=step_s, last=last)
         if isinstance(result, Unconnected):
             return result
-        done.append(result)
+        done = [first, *done[1:][-1:], result]
         if last:
             break
     return tuple(done)

@@ -19,14 +19,22 @@ from stcalib_ros.core.averaging import Rig
 from stcalib_ros.core.geometry import exp_so3, triangulate
 from stcalib_ros.core.motion import local_cubic
 from stcalib_ros.core.observations import Observations
+from stcalib_ros.core.reduction import (
+    CAMERA,
+    NEAREST,
+    Block,
+    Cameras,
+    Eliminated,
+    Linearisation,
+    ReducedSystem,
+    row_blocks,
+)
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
-_CAMERA = 7  # rotation, translation, offset
 _CAUCHY = 2.385
 _RAYLEIGH_MEDIAN = 1.17741
 _MIN_SCALE_PX = 0.5
 _LEAST_SHARE = 0.2
-_NEAREST = 0.1
 _MIN_RENEWALS = 8
 
 
@@ -61,21 +69,6 @@ class BundleState:
     synchronised: bool = False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ReducedSystem:
-    """Normal equations of the cameras after the points are eliminated.
-
-    Attributes
-    ----------
-    H : (7 C, 7 C) ndarray
-        In the order rotation, translation, offset of each camera.
-    g : (7 C,) ndarray
-    """
-
-    H: FloatArray
-    g: FloatArray
-
-
 def initial_state(o: Observations, rig: Rig) -> BundleState:
     """Triangulate everything with the poses of a rig and estimate the velocities.
 
@@ -83,22 +76,35 @@ def initial_state(o: Observations, rig: Rig) -> BundleState:
     """
     R_cam_ref = np.swapaxes(rig.R_ref_cam, -1, -2).copy()
     t_cam_ref = -np.einsum("cij,cj->ci", R_cam_ref, rig.t_ref_cam)
-    rays = _rays(o, rig)
-    weight = o.seen.transpose(0, 2, 1).astype(float)
-    V, A = np.zeros((2, *weight.shape[:2], 3))
-    when = o.phi[:, None, :, None]
+    N, _, J = o.seen.shape
+    V, A = np.zeros((2, N, J, 3))
     for _ in range(2):
-        centres = rig.t_ref_cam - when * (V[:, :, None] + 0.5 * when * A[:, :, None])
-        X, good = triangulate(centres, rays, weight, refinements=1)
-        X = np.where(good[..., None], X, 0.0)
+        X, good = _triangulated(o, rig, V, A)
         V, A = motion(o, X, good)
     shift_s, used = np.zeros(len(R_cam_ref)), o.seen & good[:, None, :]
     return BundleState(R_cam_ref, t_cam_ref, shift_s, X, V, A, used, rig.synchronised)
 
 
-def _rays(o: Observations, rig: Rig) -> FloatArray:
-    """Unit rays (N, J, C, 3) of all observations in the reference frame."""
-    b = np.concatenate([o.x, np.ones_like(o.x[..., :1])], -1)
+def _triangulated(
+    o: Observations, rig: Rig, V: FloatArray, A: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Joints (N, J, 3) where rays that start as far on as the joints have moved come closest."""
+    N, _, J = o.seen.shape
+    X, good = np.zeros((N, J, 3)), np.zeros((N, J), dtype=bool)
+    for rows in _blocks(o):
+        when = o.phi[rows, None, :, None]
+        moved = when * (V[rows, :, None] + 0.5 * when * A[rows, :, None])
+        weight = o.seen[rows].transpose(0, 2, 1).astype(float)
+        found, good[rows] = triangulate(
+            rig.t_ref_cam - moved, _rays(o.x[rows], rig), weight, refinements=1
+        )
+        X[rows] = np.where(good[rows, :, None], found, 0.0)
+    return X, good
+
+
+def _rays(x: FloatArray, rig: Rig) -> FloatArray:
+    """Unit rays (N, J, C, 3) of image points (N, C, J, 2) in the reference frame."""
+    b = np.concatenate([x, np.ones_like(x[..., :1])], -1)
     b /= np.linalg.norm(b, axis=-1, keepdims=True)
     turned = b @ np.swapaxes(rig.R_ref_cam, -1, -2)
     return np.asarray(turned.transpose(0, 2, 1, 3))
@@ -137,20 +143,32 @@ def at_images(
     return np.asarray(state.X[rows][:, None] + when * (V + 0.5 * when * A))
 
 
-def residuals_px(o: Observations, state: BundleState) -> tuple[FloatArray, BoolArray]:
+def residuals_px(
+    o: Observations, state: BundleState, rows: slice = slice(None)
+) -> tuple[FloatArray, BoolArray]:
     """Reprojection residuals (N, C, J, 2), px, and which of them take part and are finite."""
     R = np.swapaxes(state.R_cam_ref, -1, -2)
-    Y = at_images(o, state) @ R + state.t_cam_ref[:, None]
+    Y = at_images(o, state, rows) @ R + state.t_cam_ref[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        r = (Y[..., :2] / Y[..., 2:] - o.x) * o.focal[..., None]
-    r[Y[..., 2] < _NEAREST] = np.inf
-    return r, state.used & np.isfinite(r).all(-1)
+        r = (Y[..., :2] / Y[..., 2:] - o.x[rows]) * o.focal[rows][..., None]
+    r[Y[..., 2] < NEAREST] = np.inf
+    return r, state.used[rows] & np.isfinite(r).all(-1)
 
 
 def errors_px(o: Observations, state: BundleState) -> FloatArray:
     """Reprojection errors (N, C, J), px; NaN where nothing was seen or no point is known."""
-    e = np.linalg.norm(residuals_px(o, state)[0], axis=-1)
-    return np.where(o.seen & (state.used.sum(1) >= 2)[:, None], e, np.nan)
+    out = np.empty(o.seen.shape)
+    for rows in _blocks(o):
+        r = residuals_px(o, state, rows)[0]
+        known = o.seen[rows] & (state.used[rows].sum(1) >= 2)[:, None]
+        out[rows] = np.where(known, np.sqrt(r[..., 0] ** 2 + r[..., 1] ** 2), np.nan)
+    return out
+
+
+def _blocks(o: Observations) -> Iterator[slice]:
+    """Rows in portions that fit into the cache."""
+    N, C, J = o.seen.shape
+    return row_blocks(N, C * J)
 
 
 def robust_scale(errors: FloatArray, used: BoolArray) -> float:
@@ -196,7 +214,7 @@ def adjust(
     least = _MIN_RENEWALS if renew_velocities else 0
     for step in range(iterations):
         trial, length = problem.step(damping)
-        if trial.cost() < problem.cost():
+        if trial.cost < problem.cost:
             problem = trial
             damping = max(damping / 10.0, 1e-9)
             if renew_velocities:
@@ -213,152 +231,104 @@ def adjust(
     return problem.state_of(state)
 
 
-def point_scores(o: Observations, state: BundleState) -> tuple[ReducedSystem, FloatArray, IntArray]:
-    """Undamped reduced normal equations at a state, and what each point adds to their gradient.
+def cluster_scores(
+    o: Observations, state: BundleState, cluster: IntArray
+) -> tuple[ReducedSystem, FloatArray]:
+    """Undamped reduced normal equations at a state, and what clusters of points add to them.
+
+    Parameters
+    ----------
+    o : Observations
+    state : BundleState
+    cluster : (N, J) ndarray of int
+        Number of the cluster that each point belongs to.
 
     Returns
     -------
     system : ReducedSystem
-    scores : (7 C, P) ndarray
-        Their sum is ``system.g``.
-    points : (P,) ndarray of int
-        Row and joint of each point, as ``row * J + joint``.
+    scores : (7 C, n) ndarray
+        Share of each cluster in the gradient; their sum is ``system.g``.
     """
     sigma = max(robust_scale(errors_px(o, state), state.used), _MIN_SCALE_PX)
     problem = _Problem(o, state, _CAUCHY * sigma)
-    reduction = problem.reduce(0.0)
-    return reduction.system, problem.scores(reduction), problem.points
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Reduction:
-    """Reduced system and what the points need to follow: L, T = L^-1 W^T (3, 7 C, P), L^-1 g."""
-
-    system: ReducedSystem
-    factors: tuple[FloatArray, ...]
-    T: FloatArray
-    z: FloatArray
+    labels, n = cluster.ravel(), int(cluster.max(initial=-1)) + 1
+    scores = np.zeros((CAMERA * len(state.t_cam_ref), n))
+    for block, at in problem.linearised():
+        mine = labels[block.points]
+        for k, one in enumerate(at.scores(problem.scale)):
+            scores[k] += np.bincount(mine, weights=one, minlength=n)
+    return problem.reduce(0.0)[0], scores
 
 
 class _Problem:
-    """One linearisation: arrays over (camera, component, point), points last and contiguous."""
+    """The adjustment at one state of the unknowns; V, A and the choice of points are given."""
 
-    def __init__(self, o: Observations, state: BundleState, scale: float) -> None:
-        self.o, self.scale = o, scale
-        N, C, J = o.seen.shape
-        use = state.used.transpose(1, 0, 2).reshape(C, N * J)
-        self.points = np.flatnonzero(use.sum(0) >= 2)
-        self.mask = use[:, self.points]
-        self.x = o.x.transpose(1, 3, 0, 2).reshape(C, 2, N * J)[:, :, self.points]
-        self.focal = o.focal.transpose(1, 0, 2).reshape(C, N * J)[:, self.points] * self.mask
-        self.phi = np.repeat(o.phi.T, J, axis=1)[:, self.points]
-        self.R, self.t, self.shift = state.R_cam_ref, state.t_cam_ref, state.shift_s
-        self.synchronised = state.synchronised
-        self.X = state.X.reshape(-1, 3)[self.points].T
-        self.V = state.V.reshape(-1, 3)[self.points].T
-        self.A = state.A.reshape(-1, 3)[self.points].T
-        self._forward()
+    def __init__(
+        self,
+        o: Observations,
+        state: BundleState,
+        scale: float,
+        cost: float | None = None,
+    ) -> None:
+        self.o, self.state, self.scale = o, state, scale
+        self.cameras = Cameras(state.R_cam_ref, state.t_cam_ref, state.shift_s)
+        self.cost = sum(at.cost(scale) for _, at in self.linearised()) if cost is None else cost
 
-    def _forward(self) -> None:
-        when = (self.phi + self.shift[:, None])[:, None]
-        half = when * (0.5 * self.R @ self.A)
-        self.RV = self.R @ self.V + half
-        self.Y = self.R @ self.X + when * self.RV
-        self.RV += half
-        Z = self.Y + self.t[:, :, None]
-        self.ahead = Z[:, 2] > _NEAREST
-        self.inverse_depth = 1.0 / np.where(self.ahead, Z[:, 2], 1.0)
-        self.u = Z[:, :2] * self.inverse_depth[:, None]
-        self.r = (self.u - self.x) * self.focal[:, None]
-        self.squared = (self.r**2).sum(1)
+    def blocks(self) -> Iterator[Block]:
+        """All points, a block at a time."""
+        for rows in _blocks(self.o):
+            yield Block(self.o, self.state.used, self.state.V, self.state.A, rows)
 
-    def cost(self) -> float:
-        """Robust cost; a point behind its camera counts as far off."""
-        squared = np.where(self.ahead, self.squared, (1e3 * self.scale) ** 2 * self.mask)
-        return float(np.log1p(squared / self.scale**2).sum())
+    def linearised(self) -> Iterator[tuple[Block, Linearisation]]:
+        """The same with their predictions."""
+        X = self.state.X.reshape(-1, 3)
+        for block in self.blocks():
+            yield block, block.at(self.cameras, X[block.points])
 
-    def _jacobians(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Weighted J_camera (C, 7, 2, P), J_point (C, 3, 2, P) and residual (C, 2, P)."""
-        root = np.sqrt(self.mask * self.ahead / (1.0 + self.squared / self.scale**2))
-        A = np.zeros((*self.u.shape[:2], 3, self.u.shape[2]))
-        gain = root * self.focal * self.inverse_depth
-        A[:, 0, 0] = A[:, 1, 1] = gain
-        A[:, :, 2] = -gain[:, None] * self.u
-        C, P = root.shape
-        G = np.empty((C, _CAMERA, 2, P))
-        Y, RV = self.Y, self.RV
-        for i in range(2):
-            G[:, 0, i] = Y[:, 1] * A[:, i, 2] - Y[:, 2] * A[:, i, 1]
-            G[:, 1, i] = Y[:, 2] * A[:, i, 0] - Y[:, 0] * A[:, i, 2]
-            G[:, 2, i] = Y[:, 0] * A[:, i, 1] - Y[:, 1] * A[:, i, 0]
-            G[:, 3:6, i] = A[:, i]
-            G[:, 6, i] = (A[:, i] * RV).sum(1)
-        B = np.swapaxes(np.swapaxes(self.R, -1, -2)[:, None] @ A, 1, 2)
-        B = np.ascontiguousarray(B)
-        return G, B, self.r * root[:, None]
-
-    def reduce(self, damping: float) -> _Reduction:
+    def reduce(self, damping: float) -> tuple[ReducedSystem, list[Eliminated]]:
         """Eliminate the points."""
-        G, B, r = self._jacobians()
-        C, _, _, P = G.shape
-        flat = G.reshape(C, _CAMERA, 2 * P)
-        H_cc = flat @ flat.transpose(0, 2, 1)
-        g_c = (flat @ r.reshape(C, 2 * P, 1))[..., 0]
-        W = np.empty((3, C, _CAMERA, P))
-        for k in range(3):
-            np.multiply(G[:, :, 0], B[:, None, k, 0], out=W[k])
-            W[k] += G[:, :, 1] * B[:, None, k, 1]
-        H_pp = np.einsum("caip,cbip->abp", B, B, optimize=True)
-        factors = _cholesky3(H_pp, damping)
-        T = _forward_solve(factors, W).reshape(3, C * _CAMERA, P)
-        z = _forward_solve(factors, np.einsum("cbip,cip->bp", B, r))
-        H = -np.sum(T @ T.transpose(0, 2, 1), axis=0)
-        for c in range(C):
-            block = slice(c * _CAMERA, (c + 1) * _CAMERA)
-            H[block, block] += H_cc[c] + damping * np.diag(np.diag(H_cc[c]))
-        system = ReducedSystem(H, g_c.ravel() - np.einsum("kap,kp->a", T, z))
-        return _Reduction(system, factors, T, z)
-
-    def scores(self, reduction: _Reduction) -> FloatArray:
-        """Reduced gradients (7 C, P) of the single points."""
-        G, _, r = self._jacobians()
-        direct = G[:, :, 0] * r[:, None, 0] + G[:, :, 1] * r[:, None, 1]
-        flat: FloatArray = direct.reshape(-1, r.shape[-1])
-        return np.asarray(flat - np.einsum("kap,kp->ap", reduction.T, reduction.z))
+        n = CAMERA * len(self.cameras.t)
+        H, g, diagonal, eliminated = np.zeros((n, n)), np.zeros(n), np.zeros(n), []
+        for _, at in self.linearised():
+            system, part, points, _ = at.reduce(self.scale, damping)
+            H += system.H
+            g += system.g
+            diagonal += part
+            eliminated.append(points)
+        H[range(n), range(n)] += damping * diagonal
+        return ReducedSystem(H, g), eliminated
 
     def step(self, damping: float) -> tuple[_Problem, float]:
         """The problem after one damped step, and how many standard deviations the cameras moved.
 
         The reference pose and the scale stay.
         """
-        reduction = self.reduce(damping)
-        d_camera = -solve_reduced(reduction.system, self.t, synchronised=self.synchronised)
+        system, eliminated = self.reduce(damping)
+        d_camera = -solve_reduced(system, self.cameras.t, synchronised=self.state.synchronised)
         flat = d_camera.ravel()
-        length = np.sqrt(max(float(flat @ reduction.system.H @ flat), 0.0)) * _CAUCHY / self.scale
-        d_point = -_backward_solve(reduction.factors, reduction.z + flat @ reduction.T)
-        trial = object.__new__(_Problem)
-        trial.__dict__.update(self.__dict__)
-        trial.R = exp_so3(d_camera[:, :3]) @ self.R
-        trial.t = self.t + d_camera[:, 3:6]
-        trial.shift = self.shift + d_camera[:, 6]
-        trial.X = self.X + d_point
-        trial._forward()
-        return trial, float(length)
-
-    def state_of(self, state: BundleState) -> BundleState:
-        """A state with the unknowns of this problem, the scale put back exactly."""
-        scale = float(np.linalg.norm(state.t_cam_ref[1]) / np.linalg.norm(self.t[1]))
-        X = state.X.copy()
-        X.reshape(-1, 3)[self.points] = self.X.T
-        return replace(
-            state,
-            R_cam_ref=self.R,
-            t_cam_ref=self.t * scale,
-            shift_s=self.shift,
-            X=X * scale,
-            V=state.V * scale,
-            A=state.A * scale,
+        length = np.sqrt(max(float(flat @ system.H @ flat), 0.0)) * _CAUCHY / self.scale
+        cameras = Cameras(
+            exp_so3(d_camera[:, :3]) @ self.cameras.R,
+            self.cameras.t + d_camera[:, 3:6],
+            self.cameras.shift + d_camera[:, 6],
         )
+        X, cost = self.state.X.copy(), 0.0
+        flat_X = X.reshape(-1, 3)
+        for (block, at), points in zip(self.linearised(), eliminated, strict=True):
+            moved = at.followed(points, self.scale, d_camera)
+            flat_X[block.points] = moved
+            cost += block.at(cameras, moved).cost(self.scale)
+        state = replace(
+            self.state, R_cam_ref=cameras.R, t_cam_ref=cameras.t, shift_s=cameras.shift, X=X
+        )
+        return _Problem(self.o, state, self.scale, cost), float(length)
+
+    def state_of(self, before: BundleState) -> BundleState:
+        """The state, the scale put back exactly to what it was before."""
+        length = float(np.linalg.norm(before.t_cam_ref[1]))
+        factor = length / float(np.linalg.norm(self.cameras.t[1]))
+        scaled = {n: getattr(self.state, n) * factor for n in ("t_cam_ref", "X", "V", "A")}
+        return replace(self.state, **scaled)
 
 
 def gauge(t_cam_ref: FloatArray, *, synchronised: bool = False) -> tuple[IntArray, FloatArray]:
@@ -372,10 +342,10 @@ def gauge(t_cam_ref: FloatArray, *, synchronised: bool = False) -> tuple[IntArra
         Unit vector along which the first baseline grows.
     """
     C = len(t_cam_ref)
-    scale = np.zeros(_CAMERA * C)
-    scale[_CAMERA + 3 : _CAMERA + 6] = t_cam_ref[1] / np.linalg.norm(t_cam_ref[1])
-    free = np.arange(_CAMERA, _CAMERA * C, dtype=np.int64)
-    return free[free % _CAMERA != _CAMERA - 1] if synchronised else free, scale
+    scale = np.zeros(CAMERA * C)
+    scale[CAMERA + 3 : CAMERA + 6] = t_cam_ref[1] / np.linalg.norm(t_cam_ref[1])
+    free = np.arange(CAMERA, CAMERA * C, dtype=np.int64)
+    return free[free % CAMERA != CAMERA - 1] if synchronised else free, scale
 
 
 def solve_reduced(
@@ -388,38 +358,4 @@ def solve_reduced(
     H[range(len(H)), range(len(H))] += 1e-12 * np.trace(H)
     out = np.zeros(len(system.g))
     out[free] = np.linalg.solve(H, system.g[free])
-    return out.reshape(-1, _CAMERA)
-
-
-def _cholesky3(H: FloatArray, damping: float) -> tuple[FloatArray, ...]:
-    """Cholesky factors (l00, l10, l11, l20, l21, l22), each (P,), of matrices (3, 3, P)."""
-    tiny = 1e-12 * (H[0, 0] + H[1, 1] + H[2, 2]) + 1e-30
-    grow = 1.0 + damping
-    l00 = np.sqrt(H[0, 0] * grow + tiny)
-    l10, l20 = H[1, 0] / l00, H[2, 0] / l00
-    l11 = np.sqrt(np.maximum(H[1, 1] * grow + tiny - l10**2, tiny))
-    l21 = (H[2, 1] - l20 * l10) / l11
-    l22 = np.sqrt(np.maximum(H[2, 2] * grow + tiny - l20**2 - l21**2, tiny))
-    return l00, l10, l11, l20, l21, l22
-
-
-def _forward_solve(factors: tuple[FloatArray, ...], b: FloatArray) -> FloatArray:
-    """``L y = b`` for b (3, ..., P), in place."""
-    l00, l10, l11, l20, l21, l22 = factors
-    b[0] /= l00
-    b[1] -= l10 * b[0]
-    b[1] /= l11
-    b[2] -= l20 * b[0]
-    b[2] -= l21 * b[1]
-    b[2] /= l22
-    return b
-
-
-def _backward_solve(factors: tuple[FloatArray, ...], y: FloatArray) -> FloatArray:
-    """``L^T x = y`` for y (3, P)."""
-    l00, l10, l11, l20, l21, l22 = factors
-    x = np.empty_like(y)
-    x[2] = y[2] / l22
-    x[1] = (y[1] - l21 * x[2]) / l11
-    x[0] = (y[0] - l10 * x[1] - l20 * x[2]) / l00
-    return x
+    return out.reshape(-1, CAMERA)

@@ -7,12 +7,15 @@ import numpy as np
 from stcalib_ros.core.types import Calibration, Status
 
 
-def replaces(new: Calibration, old: Calibration | None, *, requested: bool) -> tuple[bool, str]:
+def replaces(
+    new: Calibration, old: Calibration | None, *, requested: bool, wrong: str = ""
+) -> tuple[bool, str]:
     """Tell whether a new calibration takes the place of the one in force.
 
     It has to be ``OK`` and to have no fewer cameras. More cameras always win. With as many, one
-    that a person asked for is taken, since he knows why; any other has to be better supported: from
-    no fewer inliers, or with smaller deviations.
+    that a person asked for is taken, since he knows why, and so is one from after something has
+    happened to a camera; any other has to be better supported: from no fewer inliers, or with
+    smaller deviations.
 
     Parameters
     ----------
@@ -21,6 +24,9 @@ def replaces(new: Calibration, old: Calibration | None, *, requested: bool) -> t
         The one in force.
     requested : bool
         A person asked for the new one.
+    wrong : str
+        Why the old one is known not to hold any more; empty if it is not. The new one must be from
+        data of after that.
 
     Returns
     -------
@@ -37,6 +43,8 @@ def replaces(new: Calibration, old: Calibration | None, *, requested: bool) -> t
         return n_new > n_old, f"it has {n_new} cameras, the one in force has {n_old}"
     if requested:
         return True, f"it was asked for and has as many cameras, {n_new}"
+    if wrong:
+        return True, f"the one before does not hold any more: {wrong}"
     return _better_supported(new, old)
 
 

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from stcalib_ros.core.types import FloatArray
 
@@ -140,6 +140,19 @@ class CdrReader:
     def float64s(self, fixed: int | None = None) -> FloatArray:
         """Take a ``float64[]``, or a ``float64[N]`` of N = `fixed`."""
         return self._array("f8", 8, self.uint32() if fixed is None else fixed)
+
+    def words(self, shape: tuple[int, int]) -> NDArray[np.uint32] | None:
+        """Look at the next 4-byte words, without taking them; None if there are fewer."""
+        self._align(4)
+        count = shape[0] * shape[1]
+        if self._at + 4 * count > len(self._data):
+            return None
+        words = np.frombuffer(self._data, self._order + "u4", count, self._at)
+        return words.reshape(shape)
+
+    def skip(self, n_bytes: int) -> None:
+        """Take what `words` has shown."""
+        self._at += n_bytes
 
     def _array(self, kind: str, size: int, count: int) -> FloatArray:
         if count == 0:

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from stcalib_ros.io.cdr import CdrReader
 from stcalib_ros.io.schemas import POSES
+
+_LEAST_WORDS = 5
+"""Of a person: id, score, and three lengths."""
 
 
 def decode(type_name: str, data: bytes) -> SimpleNamespace:
@@ -40,8 +46,52 @@ def _poses(cdr: CdrReader) -> SimpleNamespace:
         joint_names=cdr.strings(),
         rectified=cdr.boolean(),
         metric=cdr.boolean(),
-        persons=[_person(cdr) for _ in range(cdr.uint32())],
+        persons=_persons(cdr, cdr.uint32()),
     )
+
+
+def _persons(cdr: CdrReader, n: int) -> list[SimpleNamespace]:
+    """Persons; where all have as many numbers as the first, as they usually have, at once."""
+    if cdr.words((n, _LEAST_WORDS)) is None:
+        raise ValueError(f"{n} persons do not fit into the message")
+    table = _table(cdr, n)
+    if table is None:
+        return [_person(cdr) for _ in range(n)]
+    words, (a, b, c) = table
+    cdr.skip(words.nbytes)
+    numbers = words.view(words.dtype.str.replace("u", "f"))
+    return [
+        SimpleNamespace(
+            track_id=track_id,
+            score=score,
+            joints=row[3 : 3 + a],
+            keypoints=row[4 + a : 4 + a + b],
+            joint_scores=row[5 + a + b : 5 + a + b + c],
+        )
+        for track_id, score, row in zip(
+            words[:, 0].tolist(), numbers[:, 1].tolist(), numbers, strict=True
+        )
+    ]
+
+
+def _table(cdr: CdrReader, n: int) -> tuple[NDArray[np.uint32], tuple[int, int, int]] | None:
+    """Words of n persons, one a row, and how many numbers each of their arrays has.
+
+    All fields of a person have four bytes, so that there are no gaps: id, score, and three times
+    a length and so many numbers.
+    """
+    at, sizes = 2, []
+    for _ in range(3):
+        first = cdr.words((1, at + 1)) if n > 0 else None
+        if first is None:
+            return None
+        sizes.append(int(first[0, at]))
+        at += 1 + sizes[-1]
+    words = cdr.words((n, at))
+    a, b, c = sizes
+    if words is None or not (words[:, [2, 3 + a, 4 + a + b]] == sizes).all():
+        return None
+    return words, (a, b, c)
 
 
 def _person(cdr: CdrReader) -> SimpleNamespace:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +20,7 @@ _NAME = re.compile(r"calibration\.(\d{6})(\.withdrawn)?\.yaml")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Kept:
-    """A calibration of the history."""
+    """A calibration of the history; number 0: it could not be saved."""
 
     number: int
     calibration: Calibration
@@ -29,8 +30,9 @@ class History:
     """Calibrations ``calibration.000001.yaml``, ``calibration.000002.yaml``, ... in a folder.
 
     The one with the highest number is in force. It is there whole or not at all, and so the switch
-    from one to the next cannot be caught half done. A rollback renames the file in force to
-    ``calibration.NNNNNN.withdrawn.yaml``; numbers are never used again.
+    from one to the next cannot be caught half done; what a killed process was writing is removed
+    with the next one. A rollback renames the file in force to
+    ``calibration.NNNNNN.withdrawn.yaml``; numbers are never used again. One node to a folder.
 
     Parameters
     ----------
@@ -70,28 +72,39 @@ class History:
         number = max(self._files(), default=0) + 1
         write_text(self._path(number), result_text(calibration))
         files = self._files()
-        for old in sorted(files)[: -self._keep]:
-            files[old].unlink(missing_ok=True)
+        leftovers = self.folder.glob(".calibration.*.tmp")
+        with suppress(OSError):  # the new one is there; what cannot be removed stays
+            for path in (*(files[n] for n in sorted(files)[: -self._keep]), *leftovers):
+                path.unlink(missing_ok=True)
         return number
 
-    def rollback(self) -> Kept:
-        """Withdraw the calibration in force and return the one before it.
+    def before(self, number: int) -> Kept:
+        """Read the calibration before a numbered one; before 0, which was not saved, the newest.
 
         Raises
         ------
         InputError
-            There is none before it, or it cannot be read; nothing has changed then.
+            There is none, or it cannot be read.
         """
-        valid = self._valid()
-        if len(valid) < 2:
+        earlier = {n: path for n, path in self._valid().items() if n < number or not number}
+        if not earlier:
             raise InputError(f"{self.folder} has no earlier calibration to go back to")
-        before, last = sorted(valid)[-2:]
-        earlier = Kept(before, read_result(valid[before]))
-        try:
-            valid[last].rename(self.folder / f"calibration.{last:06d}.withdrawn.yaml")
-        except OSError as error:
-            raise InputError(f"cannot rename {valid[last]}: {error.strerror}") from error
-        return earlier
+        return Kept(max(earlier), read_result(earlier[max(earlier)]))
+
+    def withdraw_after(self, number: int) -> None:
+        """Withdraw all later calibrations, so that a numbered one is in force.
+
+        Raises
+        ------
+        InputError
+            The operating system refuses.
+        """
+        for n, path in sorted(self._valid().items(), reverse=True):
+            if n > number:
+                try:
+                    path.rename(self.folder / f"calibration.{n:06d}.withdrawn.yaml")
+                except OSError as error:
+                    raise InputError(f"cannot rename {path}: {error.strerror}") from error
 
     def export(self, calibration: Calibration, name: str) -> Path:
         """Write a calibration to a file below the folder, and nowhere else.

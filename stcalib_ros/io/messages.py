@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.intrinsics import intrinsics_from_camera_info
@@ -20,6 +21,9 @@ from stcalib_ros.core.layouts import Layout, find_layout
 from stcalib_ros.core.types import FloatArray, IntArray, Intrinsics
 
 NS = 1_000_000_000
+
+Float32Array = NDArray[np.float32]
+"""As the messages have it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,11 +43,11 @@ class PoseImage:
     track_ids : (P,) ndarray of int
     scores : (P,) ndarray
         Of the persons, 0 where they were not finite.
-    keypoints : (P, J, 2) ndarray
+    keypoints : (P, J, 2) ndarray of float32
         NaN where not observed.
-    joints : (P, J, 3) ndarray
+    joints : (P, J, 3) ndarray of float32
         NaN where not observed.
-    joint_scores : (P, J) ndarray
+    joint_scores : (P, J) ndarray of float32
         0 where they were not finite.
     n_infinite : int
         Infinite values that were taken as not observed.
@@ -56,9 +60,9 @@ class PoseImage:
     metric: bool
     track_ids: IntArray
     scores: FloatArray
-    keypoints: FloatArray
-    joints: FloatArray
-    joint_scores: FloatArray
+    keypoints: Float32Array
+    joints: Float32Array
+    joint_scores: Float32Array
     n_infinite: int = 0
 
 
@@ -125,7 +129,7 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
         scores=np.array([p.score if math.isfinite(p.score) else 0.0 for p in persons]),
         keypoints=_observed(keypoints),
         joints=_observed(joints),
-        joint_scores=np.where(np.isfinite(scores), scores, 0.0),
+        joint_scores=np.where(np.isfinite(scores), scores, np.float32(0.0)),
         n_infinite=int(np.isinf(keypoints).sum() + np.isinf(joints).sum()),
     )
 
@@ -147,6 +151,7 @@ def camera_info_fields(message: Any) -> CameraInfoFields:
     )
 
 
+@lru_cache(maxsize=256)
 def lens(info: CameraInfoFields, *, rectified: bool, topic: str) -> Intrinsics:
     """Intrinsics of the pixels that the key points are given in.
 
@@ -169,25 +174,29 @@ def _layout(topic: str, name: str, joint_names: tuple[str, ...]) -> Layout:
         raise InputError(f"{topic}: {error}") from None
 
 
-def _rows(persons: Sequence[Any], field: str, layout: Layout, width: int, where: str) -> FloatArray:
+def _rows(
+    persons: Sequence[Any], field: str, layout: Layout, width: int, where: str
+) -> Float32Array:
     """One flat field of all persons as (P, J, width); empty means nothing given."""
     n = layout.n_joints * width
-    out = np.empty((len(persons), n))
-    for row, person in zip(out, persons, strict=True):
-        values = np.asarray(getattr(person, field), dtype=np.float64)
-        if values.size == 0:
+    given = [getattr(person, field) for person in persons]
+    if persons and all(len(values) == n for values in given):
+        return np.array(given, dtype=np.float32).reshape(len(persons), layout.n_joints, width)
+    out = np.empty((len(persons), n), dtype=np.float32)
+    for row, person, values in zip(out, persons, given, strict=True):
+        if len(values) == 0:
             row[:] = 1.0 if field == "joint_scores" else np.nan
-        elif values.size == n:
+        elif len(values) == n:
             row[:] = values
         else:
             raise InputError(
-                f"{where}, track {person.track_id}: {field} has {values.size} numbers, but layout "
+                f"{where}, track {person.track_id}: {field} has {len(values)} numbers, but layout "
                 f"{layout.name!r} with {layout.n_joints} joints takes {n}"
             )
     return out.reshape(len(persons), layout.n_joints, width)
 
 
-def _observed(points: FloatArray) -> FloatArray:
+def _observed(points: Float32Array) -> Float32Array:
     """Points with a NaN or infinite coordinate become NaN."""
     finite = np.isfinite(points).all(axis=-1, keepdims=True)
-    return np.where(finite, points, np.nan)
+    return np.where(finite, points, np.float32(np.nan))

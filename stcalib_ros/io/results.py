@@ -33,6 +33,7 @@ _HEAD = """\
 # Lengths: {unit}.
 # Clocks: t_ref = t_cam + time_offset_s + clock_skew * (t_cam - epoch_s), seconds.
 """
+_Dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # the same text in a fifth of the time
 _UNITS = {True: "metres", False: "the distance between the first two cameras is 1"}
 _FRAMES = {True: "frame_id, z up, floor at 0", False: "that of the reference camera"}
 
@@ -50,8 +51,13 @@ def write_result(calibration: Calibration, path: Path | str) -> None:
 
 def result_text(calibration: Calibration) -> str:
     """Text of the result file of a calibration."""
-    body = yaml.safe_dump(
-        _plain(calibration), sort_keys=False, default_flow_style=None, width=110, allow_unicode=True
+    body = yaml.dump(
+        _plain(calibration),
+        Dumper=_Dumper,
+        sort_keys=False,
+        default_flow_style=None,
+        width=110,
+        allow_unicode=True,
     )
     frame = _FRAMES[bool(calibration.frame_id)]
     return _HEAD.format(frame=frame, unit=_UNITS[calibration.metric]) + body

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,40 +19,19 @@ from stcalib_ros.io.messages import (
     CameraInfoFields,
     PoseImage,
     camera_info_fields,
-    format_stamp,
     lens,
     pose_image,
 )
 from stcalib_ros.io.topics import SelectedCamera
+from stcalib_ros.ros.streams import Follower, Limits
 
-Say = Callable[[str], None]
+Say = Callable[[str, str], None]
+Clock = Callable[[], float]
 
-_BACKWARDS_NS = NS
 _MAX_TEXT = 256
-_SAMPLE_NS = NS // 2
-_SAMPLE_GAP_NS = 3 * NS // 2
-_MOVING_BODIES = 0.05
-"""Displacement of key points in half a second that counts as moving, as a share of the height."""
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Bounds on what is kept and accepted.
-
-    Attributes
-    ----------
-    window_s : float
-        Images older than this before the newest of their camera are forgotten.
-    max_images : int
-        Per camera, whatever the window.
-    max_persons, max_joints : int
-        Of one message; a larger one is dropped.
-    """
-
-    window_s: float = 30.0
-    max_images: int = 6000
-    max_persons: int = 50
-    max_joints: int = 150
+_MAX_LINE = 400
+_LENS_QUIET_S = 3.0
+_MAX_LENSES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +50,14 @@ class Counts:
     moving_s : int
         Seconds of the window in which somebody moves.
     received, dropped, flushes : int
-        Since the start: pose messages, messages that were oversize or malformed, and how often the
-        buffer was emptied.
+        Since the start: pose messages, messages that were oversize, malformed or of another
+        stream, and how often the buffer was emptied.
     last_problem : str
         Why the last message was dropped or the buffer emptied.
+    set_aside : int
+        Images that do not continue what came before, until it is clear what they are.
+    blind : bool
+        There are persons, but not one of their key points is a number.
     """
 
     images: int
@@ -87,27 +70,51 @@ class Counts:
     dropped: int
     flushes: int
     last_problem: str
+    set_aside: int = 0
+    blind: bool = False
+
+
+@dataclass(slots=True)
+class _OtherLens:
+    """A CameraInfo that differs from that in force: how often and since when it is heard."""
+
+    since_s: float
+    newest_ns: int
+    n: int = 0
 
 
 class CameraBuffer:
-    """Images and lens of one camera."""
+    """Images and lens of one camera; what others send on its topics does not empty it.
 
-    def __init__(self, camera: SelectedCamera, limits: Limits, say: Say) -> None:
+    Images are followed by a `stcalib_ros.ros.streams.Follower`. Another CameraInfo than that in
+    force counts when the latter has not come for three seconds since: a driver that was configured
+    anew repeats its new one, or has latched it. Images since then are those of the new lens.
+    """
+
+    def __init__(self, camera: SelectedCamera, limits: Limits, say: Say, clock: Clock) -> None:
         self.camera, self.limits = camera, limits
         self.info: CameraInfoFields | None = None
-        self.images: deque[PoseImage] = deque()
-        self.moving: set[int] = set()
-        self._say = say
-        self._sample: PoseImage | None = None
-        self._newest_ns = 0
+        self._say, self._clock = say, clock
+        self._follower = Follower(limits)
+        self._others: dict[CameraInfoFields, _OtherLens] = {}
         self._arrived: float | None = None
         self._received = self._dropped = self._flushes = 0
         self._last_problem = ""
 
+    @property
+    def images(self) -> Sequence[PoseImage]:
+        """Those of the window, in the order of their arrival."""
+        return self._follower.stream.images
+
+    @property
+    def moving(self) -> set[int]:
+        """Whole seconds, by the stamps, in which somebody moves."""
+        return self._follower.stream.moving
+
     def add_poses(self, message: Any) -> None:
         """Take in a ``PersonPose3DArray``; an unusable one is counted, said and dropped."""
         self._received += 1
-        self._arrived = time.monotonic()
+        self._arrived = self._clock()
         try:
             _require_pose_bounds(message, self.limits)
             image = pose_image(message, topic=self.camera.pose_topic)
@@ -116,10 +123,16 @@ class CameraBuffer:
         except (InputError, ValueError, TypeError) as error:
             self._drop(str(error))
             return
-        self._take(image)
+        self.settle()
+        self._take(image, self._arrived)
+
+    def reject(self, why: str) -> None:
+        """Count, say and drop a message that cannot be read."""
+        self._received += 1
+        self._drop(why)
 
     def add_info(self, message: Any) -> None:
-        """Take in a ``CameraInfo``; a new lens empties the buffer."""
+        """Take in a ``CameraInfo``; one that lasts and differs empties the buffer."""
         topic = self.camera.info_topic
         try:
             _require_info_bounds(message, topic)
@@ -128,90 +141,101 @@ class CameraBuffer:
         except (InputError, ValueError, TypeError) as error:
             self._drop(str(error))
             return
-        if self.info is not None and info != self.info:
-            field = next(f for f in info._fields if getattr(self.info, f) != getattr(info, f))
-            self._flush(
-                f"{topic}: CameraInfo changes: {field} was {getattr(self.info, field)} and is "
-                f"{getattr(info, field)}"
-            )
-        self.info = info
+        if self.info is None or info == self.info:
+            self.info = info
+            self._drop_lenses()
+            return
+        self._hear_other(info)
+        self.settle()
 
-    def trim(self) -> None:
-        """Forget what the limits do not allow."""
-        oldest_ns = self._newest_ns - round(self.limits.window_s * NS)
-        while self.images and self.images[0].stamp_ns < oldest_ns:
-            self.images.popleft()
-        if len(self.images) > self.limits.max_images:
-            self._say(
-                f"{self.camera.pose_topic}: more than {self.limits.max_images} images within "
-                f"{self.limits.window_s:g} s; the oldest are forgotten (max_images)"
-            )
-            while len(self.images) > self.limits.max_images:
-                self.images.popleft()
-        first = self.images[0].stamp_ns // NS if self.images else 0
-        self.moving = {second for second in self.moving if second >= first}
+    def set_limits(self, limits: Limits) -> None:
+        """Change the bounds; what they no longer allow is forgotten."""
+        self.limits = limits
+        self._follower.set_limits(limits)
+
+    def settle(self) -> None:
+        """Take over a change that has proved to be one by now."""
+        now_s = self._clock()
+        if (change := self._follower.change(now_s)) is not None:
+            why, dropped = change
+            self._dropped += dropped
+            if why:
+                self._flushed(f"{self.camera.pose_topic}: {why}")
+        if self._others:
+            self._settle_lens(now_s)
 
     def counts(self) -> Counts:
         """State for diagnostics."""
-        n = len(self.images)
+        n, persons = len(self.images), sum(len(image.track_ids) for image in self.images)
         stamps = [image.stamp_ns for image in self.images]
         span_s = (max(stamps) - min(stamps)) / NS if n else 0.0
         return Counts(
             images=n,
-            persons=sum(len(image.track_ids) for image in self.images),
+            persons=persons,
             rate_hz=(n - 1) / span_s if span_s > 0 else math.nan,
-            age_s=math.inf if self._arrived is None else time.monotonic() - self._arrived,
+            age_s=math.inf if self._arrived is None else self._clock() - self._arrived,
             has_info=self.info is not None,
             moving_s=len(self.moving),
             received=self._received,
             dropped=self._dropped,
             flushes=self._flushes,
             last_problem=self._last_problem,
+            set_aside=self._follower.n_aside,
+            blind=persons > 0 and not any(np.isfinite(i.keypoints).any() for i in self.images),
         )
 
-    def _take(self, image: PoseImage) -> None:
-        if self.images and image.stamp_ns < self._newest_ns - _BACKWARDS_NS:
-            self._flush(
-                f"{self.camera.pose_topic}: time jumps back from {format_stamp(self._newest_ns)} "
-                f"to {format_stamp(image.stamp_ns)}"
-            )
-        elif self.images and (field := _difference(self.images[-1], image)):
-            self._flush(
-                f"{self.camera.pose_topic}: {field} changes; do two cameras publish on this topic?"
-            )
-        self._newest_ns = max(image.stamp_ns, self._newest_ns) if self.images else image.stamp_ns
-        self.images.append(image)
-        self._look_for_motion(image)
-        if self._over():
-            self.trim()
+    def _take(self, image: PoseImage, now_s: float) -> None:
+        topic = self.camera.pose_topic
+        if why := self._follower.break_before(image):
+            self._dropped += self._follower.set_aside(image, why)
+            self._last_problem = _line(f"{topic}: {why}; do two cameras publish on this topic?")
+            self._say("aside", f"{self._last_problem} (set aside until that is clear)")
+            return
+        if bound := self._follower.append(image, now_s):
+            self._say("bound", f"{topic}: {bound}; the oldest images are forgotten")
+        if dropped := self._follower.drop_aside():
+            self._dropped += dropped
+            self._say("dropped", f"{topic}: {dropped} images that were set aside are dropped")
 
-    def _over(self) -> bool:
-        oldest_ns = self._newest_ns - round(self.limits.window_s * NS)
-        return self.images[0].stamp_ns < oldest_ns or len(self.images) > self.limits.max_images
+    def _hear_other(self, info: CameraInfoFields) -> None:
+        if info not in self._others:
+            if len(self._others) == _MAX_LENSES:
+                del self._others[min(self._others, key=lambda i: self._others[i].n)]
+                self._dropped += 1
+            newest_ns = self.images[-1].stamp_ns if self.images else 0
+            self._others[info] = _OtherLens(self._clock(), newest_ns)
+            why = _lens_change(self.camera.info_topic, self.info, info)
+            self._say("lens", f"{why} (waiting whether it stays so)")
+        self._others[info].n += 1
 
-    def _look_for_motion(self, image: PoseImage) -> None:
-        """Compare with half a second ago; a longer gap tells nothing."""
-        sample = self._sample
-        if sample is not None:
-            gap_ns = image.stamp_ns - sample.stamp_ns
-            if 0 <= gap_ns < _SAMPLE_NS:
-                return
-            if 0 < gap_ns < _SAMPLE_GAP_NS and _somebody_moves(sample, image):
-                self.moving.add(image.stamp_ns // NS)
-        self._sample = image
+    def _settle_lens(self, now_s: float) -> None:
+        info = max(self._others, key=lambda i: (self._others[i].n, self._others[i].since_s))
+        other = self._others[info]
+        if now_s - other.since_s < _LENS_QUIET_S:
+            return
+        had_images = bool(self.images)
+        why = _lens_change(self.camera.info_topic, self.info, info)
+        self._follower.forget(other.newest_ns)
+        self.info, self._others = info, {}
+        if had_images:
+            self._flushed(why)
 
-    def _flush(self, why: str) -> None:
+    def _drop_lenses(self) -> None:
+        if self._others:
+            self._dropped += len(self._others)
+            other = next(iter(self._others))
+            self._last_problem = _lens_change(self.camera.info_topic, self.info, other)
+            self._others.clear()
+
+    def _flushed(self, why: str) -> None:
         self._flushes += 1
-        self._last_problem = why
-        self._say(f"{why}; what was received before is forgotten")
-        self.images.clear()
-        self.moving.clear()
-        self._sample = None
+        self._last_problem = _line(why)
+        self._say("flush", f"{self._last_problem}; what was received before is forgotten")
 
     def _drop(self, why: str) -> None:
         self._dropped += 1
-        self._last_problem = why
-        self._say(f"{why} (dropped)")
+        self._last_problem = _line(why)
+        self._say("drop", f"{self._last_problem} (dropped)")
 
 
 class Buffers:
@@ -222,7 +246,10 @@ class Buffers:
     cameras : sequence of SelectedCamera
     limits : Limits
     say : callable
-        Told the camera's name and, in one line, what was dropped or forgotten and why.
+        Told the camera's name with a kind of event, and, in one line, what was dropped or forgotten
+        and why.
+    clock : callable
+        Seconds that pass while nothing else does.
     """
 
     def __init__(
@@ -230,12 +257,15 @@ class Buffers:
         cameras: Sequence[SelectedCamera],
         limits: Limits,
         say: Callable[[str, str], None],
+        *,
+        clock: Clock = time.monotonic,
     ) -> None:
         self._lock = threading.Lock()
-        self._buffers = {
-            c.name: CameraBuffer(c, limits, lambda line, name=c.name: say(name, line))  # type: ignore[misc]
-            for c in cameras
-        }
+
+        def said_by(name: str) -> Say:
+            return lambda about, line: say(f"{name}: {about}", line)
+
+        self._buffers = {c.name: CameraBuffer(c, limits, said_by(c.name), clock) for c in cameras}
 
     def add_poses(self, name: str, message: Any) -> None:
         """Take in a ``PersonPose3DArray`` of a camera."""
@@ -247,28 +277,32 @@ class Buffers:
         with self._lock:
             self._buffers[name].add_info(message)
 
+    def reject(self, name: str, why: str) -> None:
+        """Count, say and drop a message of a camera that cannot be read at all."""
+        with self._lock:
+            self._buffers[name].reject(why)
+
     def set_limits(self, limits: Limits) -> None:
         """Change the bounds; what they no longer allow is forgotten."""
         with self._lock:
             for buffer in self._buffers.values():
-                buffer.limits = limits
-                buffer.trim()
+                buffer.set_limits(limits)
 
     def counts(self) -> dict[str, Counts]:
         """State of every camera."""
-        with self._lock:
-            return {name: buffer.counts() for name, buffer in self._buffers.items()}
+        with self._settled() as buffers:
+            return {name: buffer.counts() for name, buffer in buffers.items()}
 
     def newest_s(self) -> float:
         """Latest stamp of all images, seconds; NaN if there is none."""
-        with self._lock:
-            stamps = [b.images[-1].stamp_ns for b in self._buffers.values() if b.images]
+        with self._settled() as buffers:
+            stamps = [b.images[-1].stamp_ns for b in buffers.values() if b.images]
         return max(stamps) / NS if stamps else math.nan
 
     def moving(self) -> dict[str, frozenset[int]]:
         """Whole seconds, by the stamps of each camera with a lens, in which somebody moves."""
-        with self._lock:
-            return {n: frozenset(b.moving) for n, b in self._buffers.items() if b.info is not None}
+        with self._settled() as buffers:
+            return {n: frozenset(b.moving) for n, b in buffers.items() if b.info is not None}
 
     def snapshot(
         self,
@@ -296,13 +330,21 @@ class Buffers:
         """
         wanted, offsets = frozenset(names), offsets_s or {}
         out = []
-        with self._lock:
-            for name, buffer in self._buffers.items():
+        with self._settled() as buffers:
+            for name, buffer in buffers.items():
                 low, high = start_s - offsets.get(name, 0.0), end_s - offsets.get(name, 0.0)
                 images = [i for i in buffer.images if low <= i.stamp_ns / NS <= high]
                 if images and buffer.info is not None and (not wanted or name in wanted):
                     out.append(_camera_images(buffer.camera, images, buffer.info))
         return out
+
+    @contextmanager
+    def _settled(self) -> Iterator[Mapping[str, CameraBuffer]]:
+        """All buffers, locked, with the changes that have proved to be some by now."""
+        with self._lock:
+            for buffer in self._buffers.values():
+                buffer.settle()
+            yield self._buffers
 
 
 def _camera_images(
@@ -346,23 +388,14 @@ def _require_info_bounds(message: Any, topic: str) -> None:
         raise InputError(f"{topic}: CameraInfo has numbers that are not finite")
 
 
-def _difference(before: PoseImage, after: PoseImage) -> str:
-    """First field that must not change and does; empty if there is none."""
-    for field in ("layout", "rectified", "metric", "frame_id"):
-        if getattr(before, field) != getattr(after, field):
-            return field
-    return ""
+def _lens_change(topic: str, before: CameraInfoFields | None, after: CameraInfoFields) -> str:
+    """Which field of the CameraInfo changes first, and how."""
+    field = next(f for f in after._fields if getattr(before, f, None) != getattr(after, f))
+    was, is_now = getattr(before, field, None), getattr(after, field)
+    return _line(f"{topic}: CameraInfo changes: {field} was {was!r} and is {is_now!r}")
 
 
-def _somebody_moves(before: PoseImage, after: PoseImage) -> bool:
-    """Whether the key points of any track are displaced by more than noise."""
-    _, rows, others = np.intersect1d(before.track_ids, after.track_ids, return_indices=True)
-    for a, b in zip(before.keypoints[rows], after.keypoints[others], strict=True):
-        seen = np.isfinite(a).all(-1) & np.isfinite(b).all(-1)
-        if seen.sum() < 3:
-            continue
-        height = float(np.ptp(b[seen, 1]))
-        displacement = float(np.median(np.linalg.norm(b[seen] - a[seen], axis=-1)))
-        if displacement > _MOVING_BODIES * max(height, 1.0):
-            return True
-    return False
+def _line(text: str) -> str:
+    """One printable line of bounded length, whatever a message had in it."""
+    line = "".join(c if c.isprintable() else "?" for c in text)
+    return line if len(line) <= _MAX_LINE else f"{line[:_MAX_LINE]}..."

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from stcalib_ros.core.watch.verdict import Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts
+from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.worker import Step
 
 STARVED_S = 5.0
@@ -28,6 +31,10 @@ class SolverState:
         Run of the calibration in force; empty if there is none.
     last_run, last_status, last_message : str
         Of the last run that ended; empty if none has.
+    last_took_s : float
+        How long its solver worked; NaN if none has.
+    last_ended_s : float
+        When its solver had done its work, Unix seconds by this machine's clock; NaN if none has.
     """
 
     step: Step | None
@@ -35,6 +42,8 @@ class SolverState:
     last_run: str
     last_status: str
     last_message: str
+    last_took_s: float = math.nan
+    last_ended_s: float = math.nan
 
 
 def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
@@ -62,11 +71,20 @@ def publishers_of(node: Any, topic: str) -> str:
     return f"{name} is published by {', '.join(described)}"
 
 
-def camera_status(prefix: str, camera: SelectedCamera, counts: Counts, lack: str) -> Any:
-    """Status of one camera; a starved one is an error, one that drops messages a warning."""
+def camera_status(
+    prefix: str, camera: SelectedCamera, counts: Counts, lack: str, verdict: Verdict | None
+) -> Any:
+    """Status of one camera.
+
+    One that is starved, or for which the calibration does not hold any more, is an error; one that
+    drops messages or sees nobody a warning.
+    """
     level, message = DiagnosticStatus.OK, "receiving"
     if lack:
         level, message = DiagnosticStatus.ERROR, lack
+    elif verdict is not None and verdict.state.alarm:
+        level = DiagnosticStatus.ERROR if verdict.state.changed else DiagnosticStatus.WARN
+        message = verdict.sentence()
     elif counts.dropped:
         level, message = DiagnosticStatus.WARN, f"dropped messages: {counts.last_problem}"
     values = {
@@ -80,8 +98,23 @@ def camera_status(prefix: str, camera: SelectedCamera, counts: Counts, lack: str
         "dropped": counts.dropped,
         "flushes": counts.flushes,
         "last_problem": counts.last_problem,
+        **_watch_values(verdict),
     }
     return _status(f"{prefix}: camera {camera.name}", level, message, values)
+
+
+def _watch_values(verdict: Verdict | None) -> dict[str, str]:
+    """What the watch says of a camera; None: it is not watched."""
+    if verdict is None:
+        return {"watch": "off"}
+    return {
+        "watch": verdict.state.value,
+        "watch_rotation_deg": f"{verdict.rotation_deg:.2f}",
+        "watch_shift_m": f"{verdict.shift_m:.3f}",
+        "watch_clock_ms": f"{1e3 * verdict.clock_jump_s:.0f}",
+        "watch_residual_px": f"{verdict.residual_px:.1f}",
+        "watch_promised_px": f"{verdict.promised_px:.1f}",
+    }
 
 
 def solver_status(prefix: str, solver: SolverState) -> Any:
@@ -101,8 +134,44 @@ def solver_status(prefix: str, solver: SolverState) -> Any:
         "last_run": solver.last_run,
         "last_status": solver.last_status,
         "last_message": solver.last_message,
+        "last_took_s": f"{solver.last_took_s:.2f}",
+        "last_ended_s": f"{solver.last_ended_s:.3f}",
     }
     return _status(f"{prefix}: solver", level, message, values)
+
+
+def load_status(prefix: str, load: Load, lost: Mapping[str, int], *, newly_lost: bool) -> Any:
+    """Status of the intake; a warning while messages are being lost.
+
+    Parameters
+    ----------
+    prefix : str
+    load : Load
+    lost : mapping of str to int
+        Messages of poses that never came, by camera, since the start.
+    newly_lost : bool
+        Some of them since the last status.
+    """
+    level, message = DiagnosticStatus.OK, "keeping up"
+    if newly_lost:
+        level = DiagnosticStatus.WARN
+        losing = ", ".join(f"{name}: {n}" for name, n in lost.items() if n)
+        message = f"messages are lost on their way or in the queue (queue_depth), {losing}"
+    values = {
+        "messages_per_minute": load.messages,
+        "lost": sum(lost.values()),
+        **{
+            name: f"{1e3 * getattr(load, name.replace('_ms', '_s')):.2f}"
+            for name in (
+                "delay_p50_ms",
+                "delay_p99_ms",
+                "delay_max_ms",
+                "hold_p99_ms",
+                "hold_max_ms",
+            )
+        },
+    }
+    return _status(f"{prefix}: load", level, message, values)
 
 
 def _status(name: str, level: bytes, message: str, values: Mapping[str, object]) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import signal
@@ -9,7 +10,7 @@ import sys
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -26,21 +28,26 @@ from sensor_msgs.msg import CameraInfo
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.support import replaces
 from stcalib_ros.core.types import Calibration, Status
+from stcalib_ros.core.watch.verdict import Verdict
 from stcalib_ros.io.history import History, Kept
 from stcalib_ros.msg import CalibrationResult, PersonPose3DArray
-from stcalib_ros.ros.buffers import Buffers
+from stcalib_ros.ros.buffers import Buffers, Counts
 from stcalib_ros.ros.convert import calibration_result, time_message
 from stcalib_ros.ros.diagnostics import (
     STARVED_S,
     SolverState,
     camera_status,
+    load_status,
     solver_status,
     starvation,
 )
+from stcalib_ros.ros.intake import Intake
+from stcalib_ros.ros.load import Meter
 from stcalib_ros.ros.parameters import declare, settings_from
-from stcalib_ros.ros.publishers import Publishers
+from stcalib_ros.ros.publishers import Publishers, latched
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
 from stcalib_ros.ros.services import Services
+from stcalib_ros.ros.watcher import Watcher
 from stcalib_ros.ros.worker import Job, Outcome, Step, Worker, failure
 
 _REPEAT_S = 5.0
@@ -84,16 +91,20 @@ class Calibrator:
         self.history = History(self.settings.results_folder, keep=self.settings.keep_results)
         self.in_force: Kept | None = None
         self._in_force_run = self._last_run = self._last_status = self._last_message = ""
+        self._last_took_s = self._last_ended_s = math.nan
         self.run: Run | None = None
-        self._trigger = Trigger()
-        self._guard = node.create_guard_condition(self._progressed)
+        self._trigger, self._meter = Trigger(), Meter()
+        self._guard = node.create_guard_condition(self._meter.timed(self._progressed))
         self.worker = Worker(self._guard.trigger, self.log.warning)
+        self.watcher = Watcher(self.log.warning)
         self._publishers = Publishers(node, self.settings)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._intake = Intake(self.settings.cameras, self.buffers, self._meter)
+        self._lost = self._intake.lost()
         self._subscribe()
         self.services = Services(self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(1.0, self._every_second, clock=steady)
+        node.create_timer(1.0, self._meter.timed(self._every_second), clock=steady)
         node.add_on_set_parameters_callback(self._change_parameters)
         self._load()
 
@@ -113,7 +124,8 @@ class Calibrator:
         cameras : iterable of str
             Cameras to use; none: all.
         start_s, end_s : float
-            First and last stamp to use, by the reference clock.
+            First and last stamp to use, by the reference clock. Without the first, nothing is used
+            from before the last change of a camera that the watch has noticed.
         requested : bool
             A person asked for it.
         feedback : callable, optional
@@ -128,6 +140,8 @@ class Calibrator:
                 Status.INSUFFICIENT_DATA,
                 f"not started: no camera {', '.join(unknown)}; there are {', '.join(known)}",
             )
+        if start_s == -math.inf:
+            start_s = self.watcher.changed_s
         images = self.buffers.snapshot(
             names, start_s=start_s, end_s=end_s, offsets_s=self._offsets()
         )
@@ -141,7 +155,8 @@ class Calibrator:
         run = Run(uuid.uuid4().hex[:12], Future(), feedback)
         self.run = run
         self.log.info(f"run {run.run_id} starts with {', '.join(c.name for c in images)}")
-        self.worker.start(Job(run.run_id, images, self.settings.options, requested))
+        wrong = self.watcher.complaint if start_s >= self.watcher.changed_s else ""
+        self.worker.start(Job(run.run_id, images, self.settings.options, requested, wrong))
         self._publish_diagnostics()
         return run
 
@@ -151,9 +166,13 @@ class Calibrator:
         Raises
         ------
         InputError
-            There is none.
+            There is none that can be used; nothing has changed then.
         """
-        earlier = self.history.rollback()
+        if self.in_force is None:
+            raise InputError("there is no calibration in force to go back from")
+        earlier = self.history.before(self.in_force.number)
+        self._require_own_cameras(earlier)
+        self.history.withdraw_after(earlier.number)
         self._put_in_force(earlier, _saved_run(earlier))
         return f"calibration {earlier.number} is in force again"
 
@@ -169,42 +188,54 @@ class Calibrator:
         )
 
     def _subscribe(self) -> None:
+        """Listen to every camera; to its CameraInfo twice.
+
+        Drivers repeat CameraInfo, best effort or volatile: only a subscription that asks for
+        neither more gets it. Others send it once and latch it: only a transient local one gets
+        what was sent before it was there. No QoS receives both. A driver that latches and repeats
+        is heard twice, which changes nothing: a lens that is known is no news.
+
+        That volatile publishers do not match the latched subscription is as it should be, nothing
+        else is incompatible, and /diagnostics tells of wrong types: the events that rclpy would
+        wait for besides, two per topic, would only cost time.
+        """
         qos = QoSProfile(depth=self.settings.queue_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        silent = SubscriptionEventCallbacks(use_default_callbacks=False)
         for camera in self.settings.cameras:
-            self.node.create_subscription(
-                PersonPose3DArray,
-                camera.pose_topic,
-                lambda message, name=camera.name: self.buffers.add_poses(name, message),
-                qos,
-            )
-            self.node.create_subscription(
-                CameraInfo,
-                camera.info_topic,
-                lambda message, name=camera.name: self.buffers.add_info(name, message),
-                qos,
-            )
+            info = self._intake.info_of(camera)
+            for kind, topic, take, as_sent in (
+                (PersonPose3DArray, camera.pose_topic, self._intake.poses_of(camera), qos),
+                (CameraInfo, camera.info_topic, info, qos),
+                (CameraInfo, camera.info_topic, info, latched()),
+            ):
+                self.node.create_subscription(
+                    kind, topic, take, as_sent, raw=True, event_callbacks=silent
+                )
 
     def _load(self) -> None:
         try:
             kept = self.history.latest()
+            if kept is None:
+                return
+            self._require_own_cameras(kept)
         except InputError as error:
             self.log.error(f"the saved calibration is not used: {error}")
-            return
-        if kept is None:
-            return
-        names = {camera.name for camera in self.settings.cameras}
-        if others := [c.name for c in kept.calibration.cameras if c.name not in names]:
-            self.log.warning(
-                f"the saved calibration {kept.number} is not used: its cameras "
-                f"{', '.join(others)} are not configured"
-            )
             return
         self.log.info(f"calibration {kept.number} of {self.history.folder} is in force")
         self._put_in_force(kept, _saved_run(kept))
 
+    def _require_own_cameras(self, kept: Kept) -> None:
+        names = {camera.name for camera in self.settings.cameras}
+        if others := [c.name for c in kept.calibration.cameras if c.name not in names]:
+            raise InputError(
+                f"calibration {kept.number} of {self.history.folder} has the cameras "
+                f"{', '.join(others)}, which are not configured"
+            )
+
     def _put_in_force(self, kept: Kept, run_id: str) -> None:
         self.in_force, self._in_force_run = kept, run_id
         self._trigger.settle(True)
+        self._begin_watch()
         self._publishers.publish(kept.calibration, self.message(kept.calibration, run_id))
 
     def _progressed(self) -> None:
@@ -218,40 +249,82 @@ class Calibrator:
     def _conclude(self, outcome: Outcome) -> None:
         job, calibration = outcome.job, outcome.calibration
         old = None if self.in_force is None else self.in_force.calibration
-        taken, reason = replaces(calibration, old, requested=job.requested)
+        taken, reason = replaces(calibration, old, requested=job.requested, wrong=job.wrong)
         if taken:
-            self._take(calibration, job.run_id)
-            verdict = f"in force, since {reason}"
+            verdict = f"in force, since {reason}{self._take(calibration, job.run_id)}"
         else:
             verdict = f"not taken: {reason}"
         self.log.info(f"run {job.run_id} has ended: {verdict}")
         self._last_run, self._last_status = job.run_id, calibration.status.name
+        self._last_took_s, self._last_ended_s = outcome.took_s, outcome.ended_s
         self._last_message = f"{calibration.message}; {verdict}" if taken else verdict
         self._publish_diagnostics()
         run, self.run = self.run, None
         if run is not None:
             run.result.set_result(self.message(calibration, job.run_id))
 
-    def _take(self, calibration: Calibration, run_id: str) -> None:
-        number = 0
+    def _take(self, calibration: Calibration, run_id: str) -> str:
+        """Save and put into force; returns what is to be said if only the latter succeeds."""
+        number, complaint = 0, ""
         try:
             number = self.history.add(calibration)
         except InputError as error:
-            self.log.error(f"run {run_id} is in force, but not saved: {error}")
+            complaint = f", but not saved: {error}"
+            self.log.error(f"run {run_id} is in force{complaint}")
         self._put_in_force(Kept(number, calibration), run_id)
+        return complaint
 
     def _every_second(self) -> None:
-        lacks = self._publish_diagnostics()
+        counts = self.buffers.counts()
+        self._watch(counts)
+        lacks = self._publish_diagnostics(counts)
         if starved := "; ".join(f"camera {name} {lack}" for name, lack in lacks.items() if lack):
             self._say("starved", starved, every_s=_REPEAT_STARVED_S)
-        if self.settings.auto_calibrate and self.run is None:
+        wanted = self.settings.auto_calibrate or (
+            self.settings.auto_recalibrate and self.watcher.complaint
+        )
+        if wanted and self.run is None:
             self._consider()
 
+    def _begin_watch(self) -> None:
+        kept = self.in_force if self.settings.watch else None
+        self.watcher.begin(None if kept is None else kept.calibration)
+
+    def _watch(self, counts: Mapping[str, Counts]) -> None:
+        """Hold what arrives to the calibration in force, and say what is found; not in a run."""
+        if self.run is not None:
+            return
+        for verdict in self.watcher.news(self.settings.thresholds):
+            self._tell(verdict)
+        self.watcher.look(
+            self.buffers.snapshot,
+            {name: count.age_s for name, count in counts.items()},
+            min_score=self.settings.options.min_score,
+        )
+
+    def _tell(self, verdict: Verdict) -> None:
+        if not verdict.state.alarm:
+            self.log.info(verdict.sentence())
+        elif not verdict.state.changed:
+            self.log.warning(verdict.sentence())
+        elif self.settings.auto_recalibrate:
+            self._trigger = Trigger()
+            self.log.error(f"{verdict.sentence()}; calibrating again as soon as people have moved")
+        else:
+            self.log.error(
+                f"{verdict.sentence()}; put it back, or let people walk and call ~/recalibrate_now"
+            )
+
     def _consider(self) -> None:
-        """Calibrate unasked, if what was seen is worth it."""
+        """Calibrate unasked, if what was seen, since something happened, is worth it."""
+        since_s = self.watcher.changed_s
+        moving = {
+            name: frozenset(second for second in seconds if second >= since_s)
+            for name, seconds in self.buffers.moving().items()
+        }
         ready = frozenset(
             ready_cameras(
-                self.buffers.moving(),
+                moving,
                 min_motion_s=self.settings.min_motion_s,
                 slack_s=2.0 * self.settings.options.offset_range_s,
             )
@@ -262,8 +335,10 @@ class Calibrator:
             self._trigger.tried(ready, now_s)
             self.start(requested=False)
 
-    def _publish_diagnostics(self) -> dict[str, str]:
-        counts, prefix = self.buffers.counts(), self.node.get_fully_qualified_name().strip("/")
+    def _publish_diagnostics(self, counts: Mapping[str, Counts] | None = None) -> dict[str, str]:
+        counts = counts or self.buffers.counts()
+        prefix = self.node.get_fully_qualified_name().strip("/")
+        verdicts = self.watcher.verdicts
         cameras = {camera.name: camera for camera in self.settings.cameras}
         lacks = {n: starvation(c, counts[n], self.node) for n, c in cameras.items()}
         solver = SolverState(
@@ -272,11 +347,19 @@ class Calibrator:
             last_run=self._last_run,
             last_status=self._last_status,
             last_message=self._last_message,
+            last_took_s=self._last_took_s,
+            last_ended_s=self._last_ended_s,
         )
+        lost = self._intake.lost()
+        newly_lost, self._lost = lost != self._lost, lost
         array = DiagnosticArray(
             status=[
                 solver_status(prefix, solver),
-                *(camera_status(prefix, c, counts[n], lacks[n]) for n, c in cameras.items()),
+                load_status(prefix, self._meter.load(), lost, newly_lost=newly_lost),
+                *(
+                    camera_status(prefix, c, counts[n], lacks[n], verdicts.get(n))
+                    for n, c in cameras.items()
+                ),
             ]
         )
         array.header.stamp = self.node.get_clock().now().to_msg()
@@ -291,7 +374,9 @@ class Calibrator:
             settings = settings_from(values, node_name=self.node.get_fully_qualified_name())
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        self._values, self.settings = values, settings
+        before, self.settings, self._values = self.settings, settings, values
+        if settings.watch != before.watch:
+            self._begin_watch()
         self.buffers.set_limits(settings.limits)
         return SetParametersResult(successful=True)
 
@@ -334,6 +419,9 @@ def main() -> int:
         return 2
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    # What is there now stays: the collector would look through it again and again, 60 ms each time.
+    gc.collect()
+    gc.freeze()
     while not stop.is_set() and rclpy.ok():
         executor.spin_once(timeout_sec=_SPIN_S)
     if not calibrator.worker.stop(_STOP_S):

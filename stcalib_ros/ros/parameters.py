@@ -11,9 +11,10 @@ from typing import Any
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.options import Options, options_from_mapping
+from stcalib_ros.core.watch.verdict import Thresholds
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.io.yaml_files import parse_yaml
-from stcalib_ros.ros.buffers import Limits
+from stcalib_ros.ros.streams import Limits
 
 MAX_CAMERAS = 64
 
@@ -53,6 +54,7 @@ TF_SPECS = (
 NODE_SPECS = (
     Spec("window_s", 30.0, "Time span that is kept of each camera, seconds.", 2.0, 600.0),
     Spec("max_images", 6000, "Images kept of each camera, whatever the span.", 100, 100_000),
+    Spec("max_mb", 100.0, "Memory for the images of each camera, megabytes.", 1.0, 10_000.0),
     Spec("max_persons", 50, "Persons accepted in one image.", 1, 1000),
     Spec("max_joints", 150, "Joints accepted of one person.", 3, 1000),
     Spec("queue_depth", 50, "Messages that wait for the node, per topic.", 1, 1000, fixed=True),
@@ -65,6 +67,10 @@ NODE_SPECS = (
         600.0,
     ),
     Spec("period_s", 0.0, "Calibrate again so often, seconds of stamps; 0: never.", 0.0, 86_400.0),
+    Spec("watch", True, "Keep checking what is seen against the calibration in force."),
+    Spec("watch_rotation_deg", 1.0, "A camera that turns by more is reported.", 0.1, 45.0),
+    Spec("watch_clock_ms", 50.0, "A clock that jumps by more is reported.", 1.0, 5000.0),
+    Spec("auto_recalibrate", False, "Calibrate again when the calibration does not hold any more."),
     Spec(
         "results_folder",
         "",
@@ -126,6 +132,9 @@ class Settings:
     auto_calibrate: bool
     min_motion_s: float
     period_s: float
+    watch: bool
+    thresholds: Thresholds
+    auto_recalibrate: bool
     results_folder: Path
     keep_results: int
     publish_tf: bool
@@ -198,16 +207,18 @@ def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
             f"reference: {options.reference!r} is none of the cameras {', '.join(names)}"
         )
     limits = Limits(
-        **{f: values[f] for f in ("window_s", "max_images", "max_persons", "max_joints")}
+        **{f: values[f] for f in ("window_s", "max_images", "max_mb", "max_persons", "max_joints")}
     )
+    watch = ("watch", "auto_recalibrate")
     own = ("queue_depth", "auto_calibrate", "min_motion_s", "period_s", "keep_results")
     tf = ("publish_tf", "tf_not_metric", "tf_suffix")
     return Settings(
         cameras=tuple(_camera(name, values) for name in names),
         limits=limits,
         options=options,
+        thresholds=Thresholds(values["watch_rotation_deg"], 1e-3 * values["watch_clock_ms"]),
         results_folder=_folder(values["results_folder"], node_name),
-        **{name: values[name] for name in (*own, *tf)},
+        **{name: values[name] for name in (*own, *watch, *tf)},
     )
 
 

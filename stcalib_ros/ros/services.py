@@ -102,7 +102,7 @@ class Services:
         def tell(step: Step) -> None:
             goal.publish_feedback(
                 Calibrate.Feedback(
-                    stage=step.stage, progress=step.fraction, reprojection_rms_px=math.nan
+                    stage=step.stage, progress=step.fraction, reprojection_rms_px=step.rms_px
                 )
             )
 

@@ -1,17 +1,18 @@
-"""One calibration at a time, in a thread of its own; knows no ROS."""
+"""One calibration at a time, followed by a thread of its own; knows no ROS."""
 
 from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from stcalib_ros.core.errors import Cancelled, InputError
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.types import Calibration, Status
-from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
+from stcalib_ros.io.assemble import CameraImages, Warn
+from stcalib_ros.ros.solver import SolverError, calibrate_apart
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,29 +26,57 @@ class Job:
     options : Options
     requested : bool
         A person asked for it.
+    wrong : str
+        Why the calibration in force does not hold any more; empty if it does.
     """
 
     run_id: str
     cameras: Sequence[CameraImages]
     options: Options
     requested: bool
+    wrong: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What came of a job; a failure is a calibration without cameras that says why."""
+    """What came of a job.
+
+    Attributes
+    ----------
+    job : Job
+        Without its images.
+    calibration : Calibration
+        A failure is one without cameras that says why.
+    took_s : float
+        Wall time.
+    ended_s : float
+        When that was known, Unix seconds by this machine's clock.
+    """
 
     job: Job
     calibration: Calibration
+    took_s: float
+    ended_s: float
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Where a job stands: the stage and the fraction of it that is done."""
+    """Where a job stands.
+
+    Attributes
+    ----------
+    run_id : str
+    stage : str
+    fraction : float
+        Of the stage that is done.
+    rms_px : float
+        Reprojection error so far; NaN before the first adjustment.
+    """
 
     run_id: str
     stage: str
     fraction: float
+    rms_px: float = math.nan
 
 
 def failure(status: Status, message: str) -> Calibration:
@@ -102,7 +131,8 @@ class Worker:
             self._step = Step(job.run_id, "assembly", 0.0)
         self._cancel.clear()
         # A daemon, so that a solver in the middle of a long step does not keep the process alive.
-        self._thread = threading.Thread(target=self._run, args=(job,), daemon=True)
+        # The list is emptied by the thread: a job's images are kept no longer than they are needed.
+        self._thread = threading.Thread(target=self._run, args=([job],), daemon=True)
         self._thread.start()
         return True
 
@@ -125,25 +155,41 @@ class Worker:
             self._thread.join(timeout_s)
         return self._thread is None or not self._thread.is_alive()
 
-    def _run(self, job: Job) -> None:
-        outcome = Outcome(job, self._calibration(job))
+    def _run(self, waiting: list[Job]) -> None:
+        job = waiting.pop()
+        begin, cameras = time.monotonic(), list(job.cameras)
+        job = replace(job, cameras=())
+        calibration = self._calibration(job, cameras)
+        outcome = Outcome(job, calibration, time.monotonic() - begin, time.time())
         with self._lock:
             self._outcome = outcome
         self._wake()
 
-    def _calibration(self, job: Job) -> Calibration:
+    def _calibration(self, job: Job, cameras: list[CameraImages]) -> Calibration:
+        rms_px = math.nan
+
+        def adjusted(value: float) -> None:
+            nonlocal rms_px
+            rms_px = value
+
+        def progress(stage: str, fraction: float) -> None:
+            self._tell(Step(job.run_id, stage, fraction, rms_px))
+
         try:
-            recording = assemble_recording(job.cameras, warn=self._warn)
-            return calibrate(
-                recording,
+            return calibrate_apart(
+                cameras,
                 job.options,
-                progress=lambda stage, fraction: self._tell(Step(job.run_id, stage, fraction)),
                 cancelled=self._cancel.is_set,
+                warn=self._warn,
+                progress=progress,
+                adjusted=adjusted,
             )
         except Cancelled as error:
             return failure(Status.CANCELLED, str(error))
         except InputError as error:
             return failure(Status.INSUFFICIENT_DATA, str(error))
+        except SolverError as error:
+            return failure(Status.NOT_CONVERGED, str(error))
         except Exception as error:  # the node goes on, whatever the solver stumbles over
             return failure(Status.NOT_CONVERGED, f"{type(error).__name__}: {error}")
 

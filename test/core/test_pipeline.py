@@ -229,6 +229,7 @@ STAGES = [
     "integration",
     "first adjustment",
     "bundle adjustment",
+    "quality",
 ]
 
 
@@ -261,6 +262,21 @@ def test_it_can_be_stopped_in_every_stage(small_scene, ticks, stage):
             cancelled=lambda: len(reported) == last,
         )
     assert reported == ticks[:last]
+
+
+def test_the_error_is_told_once_there_is_one(found, small_scene):
+    events = []
+    calibrate(
+        small_scene.recording,
+        HALF_SECOND,
+        progress=lambda stage, _: events.append(stage),
+        adjusted=events.append,
+    )
+    told = [event for event in events if isinstance(event, float)]
+    assert len(told) == events.count("bundle adjustment")
+    assert all(isinstance(e, str) for e in events[: events.index("bundle adjustment") - 1])
+    assert np.isfinite(told).all()
+    assert told[-1] == pytest.approx(found.reprojection_rms_px, rel=0.2)
 
 
 def test_who_is_not_cancelled_is_not_disturbed(found, small_scene):

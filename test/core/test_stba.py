@@ -9,7 +9,7 @@ import pytest
 from bundle_helpers import CAUCHY, STEP_S, disturbed, problem, residuals, stepped
 from scipy.optimize import least_squares
 
-from stcalib_ros.core import stba
+from stcalib_ros.core import reduction, stba
 from stcalib_ros.core.averaging import Rig
 from stcalib_ros.core.geometry import rotation_angle
 
@@ -77,6 +77,11 @@ def test_the_robust_scale_is_the_deviation_of_gaussian_noise(rng):
 # The reduced system
 
 
+def every_point(p):
+    """Each point a cluster of its own."""
+    return np.arange(p.truth.X[..., 0].size).reshape(p.truth.X.shape[:2])
+
+
 def dense_normal_equations(p, state, scale):
     """H, g of all unknowns, cameras first, from finite differences."""
     C, (N, J) = len(state.t_cam_ref), state.X.shape[:2]
@@ -95,7 +100,7 @@ def dense_normal_equations(p, state, scale):
 def test_the_reduced_system_is_the_schur_complement_of_the_dense_one(rng):
     p = problem(rng, people=1, knots=4, joints=2, missing=0.1)
     state = start_of(p, rng)
-    system, _, _ = stba.point_scores(p.o, state)
+    system, _ = stba.cluster_scores(p.o, state, every_point(p))
     H, g, n = dense_normal_equations(p, state, scale_of(p, state))
     points = np.flatnonzero(np.diag(H)[n:] > 0) + n
     eliminate = H[:n, points] @ np.linalg.inv(H[np.ix_(points, points)])
@@ -107,14 +112,32 @@ def test_the_reduced_system_is_the_schur_complement_of_the_dense_one(rng):
     np.testing.assert_allclose(system.g / root, expected_g / root, atol=1e-3)
 
 
-def test_the_points_add_up_to_the_gradient(rng):
+def test_the_clusters_add_up_to_the_gradient(rng):
     p = problem(rng, people=2, knots=5, joints=3)
-    system, scores, points = stba.point_scores(p.o, start_of(p, rng))
+    state = start_of(p, rng)
+    system, scores = stba.cluster_scores(p.o, state, every_point(p))
     np.testing.assert_allclose(scores.sum(1), system.g, rtol=1e-9)
-    row, joint = points // 3, points % 3
-    known = np.zeros(p.truth.X.shape[:2], dtype=bool)
-    known[row, joint] = True
-    np.testing.assert_array_equal(known, p.o.seen.sum(1) >= 2)
+    np.testing.assert_array_equal(scores.any(0), (p.o.seen.sum(1) >= 2).ravel())
+    coarse = every_point(p) % 4
+    np.testing.assert_allclose(
+        stba.cluster_scores(p.o, state, coarse)[1],
+        np.stack([scores[:, k::4].sum(1) for k in range(4)], 1),
+        rtol=1e-9,
+        atol=1e-9 * np.abs(scores).max(),
+    )
+
+
+def test_the_division_into_blocks_does_not_matter(rng, monkeypatch):
+    p = problem(rng, people=2, knots=12)
+    state = start_of(p, rng)
+    whole = stba.cluster_scores(p.o, state, every_point(p))
+    end = stba.adjust(p.o, state, iterations=10, tolerance=1e-6)
+    monkeypatch.setattr(reduction, "_BLOCK", 1)
+    parts = stba.cluster_scores(p.o, state, every_point(p))
+    np.testing.assert_allclose(parts[0].H, whole[0].H, atol=1e-9 * np.abs(whole[0].H).max())
+    np.testing.assert_allclose(parts[1], whole[1], atol=1e-9 * np.abs(whole[1]).max())
+    again = stba.adjust(p.o, state, iterations=10, tolerance=1e-6)
+    np.testing.assert_allclose(again.X, end.X, atol=1e-8)
 
 
 def test_the_gradient_is_that_of_the_robust_cost_where_points_are_optimal(rng):
@@ -130,7 +153,7 @@ def test_the_gradient_is_that_of_the_robust_cost_where_points_are_optimal(rng):
 
     state = replace(state, X=best_points(state, state.X))
     problem_ = stba._Problem(p.o, state, scale)
-    g = problem_.reduce(0.0).system.g
+    g = problem_.reduce(0.0)[0].g
 
     def cost(v):
         return 0.5 * np.array(
@@ -144,7 +167,7 @@ def test_the_gradient_is_that_of_the_robust_cost_where_points_are_optimal(rng):
 def test_the_step_solves_the_system_with_reference_and_first_baseline_fixed(rng):
     p = problem(rng)
     state = start_of(p, rng)
-    system, _, _ = stba.point_scores(p.o, state)
+    system, _ = stba.cluster_scores(p.o, state, every_point(p))
     d = stba.solve_reduced(system, state.t_cam_ref)
     assert not d[0].any()
     assert abs(d[1, 3:6] @ state.t_cam_ref[1]) < 1e-5 * np.linalg.norm(d[1, 3:6])

@@ -44,6 +44,20 @@ def test_it_replaces_the_one_in_force(new, requested, taken, reason):
     assert reason in said
 
 
+@pytest.mark.parametrize(
+    ("new", "taken", "reason"),
+    [
+        (calibration(3, 99, 0.1), True, "does not hold any more: cam1 has moved"),
+        (calibration(2, 900, 0.001), False, "it has 2 cameras"),
+        (calibration(3, 900, 0.001, Status.DEGENERATE), False, "DEGENERATE: why"),
+    ],
+)
+def test_one_that_does_not_hold_any_more_is_replaced_without_being_beaten(new, taken, reason):
+    decided, said = replaces(new, calibration(), requested=False, wrong="cam1 has moved")
+    assert decided is taken
+    assert reason in said
+
+
 @pytest.mark.parametrize("status", Status)
 def test_the_first_has_to_be_ok(status):
     taken, _ = replaces(calibration(status=status), None, requested=False)

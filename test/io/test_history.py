@@ -13,7 +13,7 @@ import pytest
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.types import Calibration, CameraCalibration, Intrinsics, LensModel, Status
-from stcalib_ros.io.history import MAX_FILES, History
+from stcalib_ros.io.history import MAX_FILES, History, Kept
 from stcalib_ros.io.results import write_result
 
 LENS = Intrinsics(640, 480, LensModel.PLUMB_BOB, np.diag([600.0, 600.0, 1.0]), np.zeros(5))
@@ -50,7 +50,7 @@ def names(history: History) -> list[str]:
 def test_none_is_in_force_at_first(history):
     assert history.latest() is None
     with pytest.raises(InputError, match="no earlier calibration"):
-        history.rollback()
+        history.before(0)
     assert not history.folder.exists()
 
 
@@ -62,18 +62,32 @@ def test_the_newest_is_in_force_and_the_oldest_go(history):
     assert (latest.number, latest.calibration.n_inliers) == (4, 40)
 
 
+def rollback(history: History, number: int) -> Kept:
+    earlier = history.before(number)
+    history.withdraw_after(earlier.number)
+    return earlier
+
+
 def test_a_rollback_keeps_what_it_withdraws_and_its_number(history):
     history.add(calibration(10))
     history.add(calibration(20))
-    earlier = history.rollback()
+    earlier = rollback(history, 2)
     assert (earlier.number, earlier.calibration.n_inliers) == (1, 10)
     latest = history.latest()
     assert latest is not None
     assert latest.number == 1
     assert names(history) == ["calibration.000001.yaml", "calibration.000002.withdrawn.yaml"]
     with pytest.raises(InputError, match="no earlier calibration"):
-        history.rollback()
+        history.before(1)
     assert history.add(calibration(30)) == 3
+
+
+def test_before_one_that_was_not_saved_is_the_newest_file(history):
+    history.add(calibration(10))
+    history.add(calibration(20))
+    assert rollback(history, 0).number == 2
+    assert names(history) == ["calibration.000001.yaml", "calibration.000002.yaml"]
+    assert rollback(history, 2).number == 1
 
 
 def test_a_rollback_to_a_damaged_file_changes_nothing(history):
@@ -82,7 +96,7 @@ def test_a_rollback_to_a_damaged_file_changes_nothing(history):
     (history.folder / "calibration.000001.yaml").write_text("format: ")
     before = names(history)
     with pytest.raises(InputError, match=r"calibration\.000001"):
-        history.rollback()
+        history.before(2)
     assert names(history) == before
 
 
@@ -123,6 +137,7 @@ history.History(folder, keep=3).add(read_result(folder / "calibration.000001.yam
     assert latest is not None
     assert (latest.number, latest.calibration.n_inliers) == (1, 10)
     assert history.add(calibration(20)) == 2
+    assert names(history) == ["calibration.000001.yaml", "calibration.000002.yaml"]
 
 
 def test_export_writes_below_the_folder(history):

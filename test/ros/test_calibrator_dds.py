@@ -176,6 +176,7 @@ def test_the_action_tells_its_progress_and_is_cancelled(client):
     assert ended.status == GoalStatus.STATUS_CANCELED
     assert ended.result.result.status == CalibrationResult.CANCELLED
     assert all(0.0 <= s.progress <= 1.0 for s in steps)
+    assert all(np.isnan(s.reprojection_rms_px) for s in steps), "there is no adjustment yet"
     action.destroy()
 
 

@@ -16,9 +16,11 @@ from samples import STAMP, calibration
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker
 
+from stcalib_ros.core.watch.verdict import State, Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts
-from stcalib_ros.ros.diagnostics import SolverState, camera_status, solver_status
+from stcalib_ros.ros.diagnostics import SolverState, camera_status, load_status, solver_status
+from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.markers import camera_markers
 from stcalib_ros.ros.publishers import transforms
 from stcalib_ros.ros.worker import Step
@@ -81,7 +83,7 @@ def test_nothing_gives_no_frusta():
     ],
 )
 def test_status_of_a_camera(counts, lack, level, message):
-    status = camera_status("calibrator", CAMERA, counts, lack)
+    status = camera_status("calibrator", CAMERA, counts, lack, None)
     assert (status.name, status.level, status.message) == (
         "calibrator: camera cam0",
         level,
@@ -89,6 +91,29 @@ def test_status_of_a_camera(counts, lack, level, message):
     )
     values = {v.key: v.value for v in status.values}
     assert (values["rate_hz"], values["camera_info"]) == ("30.00", "true")
+    assert values["watch"] == "off"
+
+
+@pytest.mark.parametrize(
+    ("state", "lack", "level"),
+    [
+        (State.UNKNOWN, "", DiagnosticStatus.OK),
+        (State.OK, "", DiagnosticStatus.OK),
+        (State.BLIND, "", DiagnosticStatus.WARN),
+        (State.MOVED, "", DiagnosticStatus.ERROR),
+        (State.LOST, "waits for poses", DiagnosticStatus.ERROR),
+    ],
+)
+def test_what_the_watch_says_of_a_camera(state, lack, level):
+    verdict = Verdict("cam0", state, 2.0, 0.0, 0.1, 12.0, 4.0)
+    status = camera_status("calibrator", CAMERA, COUNTS, lack, verdict)
+    values = {v.key: v.value for v in status.values}
+    assert status.level == level
+    assert values["watch"] == state.value
+    assert (values["watch_rotation_deg"], values["watch_clock_ms"]) == ("2.00", "100")
+    assert (values["watch_residual_px"], values["watch_promised_px"]) == ("12.0", "4.0")
+    expected = lack or (verdict.sentence() if state.alarm else "receiving")
+    assert status.message == expected
 
 
 @pytest.mark.parametrize(
@@ -106,3 +131,29 @@ def test_status_of_the_solver(in_force, last_status, level):
     idle = solver_status("n", SolverState(None, in_force, "run-1", last_status, "why"))
     assert running.level == idle.level == level
     assert (running.message, idle.message) == ("running run-2: lift", "idle")
+
+
+@pytest.mark.parametrize(
+    ("newly_lost", "level", "message"),
+    [
+        (False, DiagnosticStatus.OK, "keeping up"),
+        (
+            True,
+            DiagnosticStatus.WARN,
+            "messages are lost on their way or in the queue (queue_depth), cam1: 3",
+        ),
+    ],
+)
+def test_status_of_the_load(newly_lost, level, message):
+    load = Load(1800, 0.001, 0.0025, 0.0125, 0.0005, 0.05)
+    status = load_status("n", load, {"cam0": 0, "cam1": 3}, newly_lost=newly_lost)
+    assert (status.name, status.level, status.message) == ("n: load", level, message)
+    assert {v.key: v.value for v in status.values} == {
+        "messages_per_minute": "1800",
+        "lost": "3",
+        "delay_p50_ms": "1.00",
+        "delay_p99_ms": "2.50",
+        "delay_max_ms": "12.50",
+        "hold_p99_ms": "0.50",
+        "hold_max_ms": "50.00",
+    }

@@ -6,66 +6,23 @@ import re
 import threading
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
+from plain import CAMERA, Ear, fill, info, poses
 
 from stcalib_ros.core.errors import Cancelled, InputError
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.types import Status
-from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros import worker as worker_module
-from stcalib_ros.ros.buffers import Buffers, Limits
+from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.parameters import CAMERAS, all_specs, settings_from
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
+from stcalib_ros.ros.streams import Limits
 from stcalib_ros.ros.worker import Job, Worker, failure
 
 ROOT = Path(__file__).parents[2]
-CAMERA = SelectedCamera("cam0", "/cam0/person_poses", "/cam0/camera_info", None)
-STEP_S = 0.1
-
-
-def poses(stamp_s: float, *, x: float = 100.0, persons: int = 1, **fields: object) -> object:
-    """Persons 170 px high, at `x`."""
-    keypoints = np.stack([np.full(17, x), np.linspace(100, 270, 17)], axis=1).ravel()
-    person = {"score": 1.0, "joints": np.ones(51), "keypoints": keypoints, "joint_scores": []}
-    ns = round(stamp_s * 1e9)
-    stamp = SimpleNamespace(sec=ns // 10**9, nanosec=ns % 10**9)
-    message = {
-        "header": SimpleNamespace(stamp=stamp, frame_id="cam0_optical_frame"),
-        "layout": "h36m_17",
-        "joint_names": [],
-        "rectified": False,
-        "metric": True,
-        "persons": [SimpleNamespace(track_id=i, **person) for i in range(persons)],
-    }
-    return SimpleNamespace(**message | fields)
-
-
-def info(**fields: object) -> object:
-    message = {
-        "width": 640,
-        "height": 480,
-        "distortion_model": "plumb_bob",
-        "d": [0.0] * 5,
-        "k": [600.0, 0.0, 320.0, 0.0, 600.0, 240.0, 0.0, 0.0, 1.0],
-        "r": [0.0] * 9,
-        "p": [0.0] * 12,
-        "binning_x": 0,
-        "binning_y": 0,
-        "roi": SimpleNamespace(x_offset=0, y_offset=0, width=0, height=0),
-    }
-    return SimpleNamespace(**message | fields)
-
-
-class Ear:
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def __call__(self, _name: str, line: str) -> None:
-        self.lines.append(line)
 
 
 @pytest.fixture
@@ -78,11 +35,6 @@ def buffers(ear: Ear) -> Buffers:
     made = Buffers([CAMERA], Limits(window_s=10.0, max_persons=3, max_joints=20), ear)
     made.add_info("cam0", info())
     return made
-
-
-def fill(buffers: Buffers, start_s: float, seconds: float, *, speed_px_s: float = 0.0) -> None:
-    for t in np.arange(0.0, seconds, STEP_S):
-        buffers.add_poses("cam0", poses(start_s + t, x=100.0 + speed_px_s * t))
 
 
 def stamps_s(buffers: Buffers, **bounds: object) -> list[float]:
@@ -128,35 +80,6 @@ def test_without_a_lens_there_is_no_snapshot(ear):
     assert buffers.snapshot() == []
     assert not buffers.counts()["cam0"].has_info
     assert buffers.moving() == {}
-
-
-def test_time_that_jumps_back_empties_the_buffer(buffers, ear):
-    fill(buffers, 100.0, 5.0, speed_px_s=100.0)
-    buffers.add_poses("cam0", poses(104.0))
-    assert len(stamps_s(buffers)) == 51, "up to a second is disorder, not a jump"
-    assert not ear.lines
-    buffers.add_poses("cam0", poses(100.0))
-    assert stamps_s(buffers) == [100.0]
-    assert buffers.moving() == {"cam0": frozenset()}
-    assert "time jumps back from 104.9" in ear.lines[-1]
-    assert buffers.counts()["cam0"].flushes == 1
-
-
-def test_another_lens_empties_the_buffer_and_says_what_differs(buffers, ear):
-    fill(buffers, 100.0, 1.0)
-    buffers.add_info("cam0", info())
-    assert len(stamps_s(buffers)) == 10
-    buffers.add_info("cam0", info(width=1280))
-    assert stamps_s(buffers) == []
-    assert "CameraInfo changes: width was 640 and is 1280" in ear.lines[-1]
-
-
-@pytest.mark.parametrize(("field", "value"), [("metric", False), ("layout", "coco_17")])
-def test_what_must_not_change_empties_the_buffer(buffers, ear, field, value):
-    fill(buffers, 100.0, 1.0)
-    buffers.add_poses("cam0", poses(101.0, **{field: value}))
-    assert stamps_s(buffers) == [101.0]
-    assert f"{field} changes" in ear.lines[-1]
 
 
 UNUSABLE = [
@@ -346,7 +269,8 @@ class Solver:
         self.go_on = threading.Event()
         self.error: Exception | None = None
 
-    def __call__(self, _recording, _options, *, progress, cancelled):
+    def __call__(self, _cameras, _options, *, cancelled, warn, progress, adjusted):
+        adjusted(2.5)
         progress("registration", 0.5)
         while not self.go_on.wait(0.01):
             if cancelled():
@@ -359,7 +283,7 @@ class Solver:
 @pytest.fixture
 def solver(monkeypatch: pytest.MonkeyPatch) -> Solver:
     made = Solver()
-    monkeypatch.setattr(worker_module, "calibrate", made)
+    monkeypatch.setattr(worker_module, "calibrate_apart", made)
     return made
 
 
@@ -386,7 +310,8 @@ def test_the_worker_does_one_job_at_a_time(solver, job):
     assert worker.start(job)
     bell.wait()
     assert worker.step is not None
-    assert (worker.step.run_id, worker.step.stage) == ("run", "registration")
+    step = worker.step
+    assert (step.run_id, step.stage, step.rms_px) == ("run", "registration", 2.5)
     assert not worker.start(job)
     assert worker.collect() is None
     solver.go_on.set()
@@ -394,7 +319,8 @@ def test_the_worker_does_one_job_at_a_time(solver, job):
     assert not worker.start(job), "not before the outcome is collected"
     outcome = worker.collect()
     assert outcome is not None
-    assert (outcome.job, outcome.calibration.status) == (job, Status.OK)
+    assert (outcome.job.run_id, outcome.calibration.status) == (job.run_id, Status.OK)
+    assert outcome.job.cameras == ()
     assert worker.collect() is None
     assert worker.step is None
 

@@ -130,7 +130,7 @@ def test_replay_publishes_there_too(setup_file, tmp_path):
     ("changes", "parameters", "said"),
     [
         ({"metric": False}, {}, "since lengths are not metres"),
-        ({}, {"cameras": "[cam0, cam1]"}, "its cameras cam2 are not configured"),
+        ({}, {"cameras": "[cam0, cam1]"}, "the cameras cam2, which are not configured"),
     ],
 )
 def test_what_is_not_published_is_said(setup_file, tmp_path, changes, parameters, said):

@@ -1,5 +1,6 @@
 """Simulated recordings with a known answer."""
 
+from stcalib_ros.core.synthetic.changes import CameraChange
 from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.paper_scene import paper_scene
@@ -9,6 +10,7 @@ from stcalib_ros.core.synthetic.scene import Scene, simulate
 
 __all__ = [
     "PEOPLE",
+    "CameraChange",
     "MotionClip",
     "PersonMotion",
     "Rig",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.synthetic import tracking
+from stcalib_ros.core.synthetic.changes import CameraChange, poses_over_time, stamps_over_time
 from stcalib_ros.core.synthetic.detector import DetectorBias, displaced
 from stcalib_ros.core.synthetic.lifter import LifterErrors, lift
 from stcalib_ros.core.synthetic.noise import child_rng
@@ -60,6 +61,12 @@ class Clock:
         kept[[0, -1]] = True
         return Clock(stamps[kept], (nominal + offset_s + skew * nominal)[kept], offset_s, skew)
 
+    def changed(self, changes: Sequence[CameraChange]) -> Clock:
+        """The clock with its jumps; offset and skew stay those from before."""
+        stamps = stamps_over_time(self.stamps, self.exposures_s, changes)
+        kept = np.isfinite(stamps)
+        return Clock(stamps[kept], self.exposures_s[kept], self.offset_s, self.skew)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sightings:
@@ -90,6 +97,7 @@ def observe(
     camera: int,
     clock: Clock,
     people: Sequence[PersonMotion],
+    changes: Sequence[CameraChange] = (),
 ) -> Sightings:
     """Simulate one camera of a rig.
 
@@ -105,10 +113,12 @@ def observe(
         Index into the rig.
     clock : Clock
     people : sequence of PersonMotion
+    changes : sequence of CameraChange
+        Of this camera; those of its clock are in `clock` already.
     """
     lens, times = rig.intrinsics[camera], clock.exposures_s
-    R, t = rig.R_cam_world[camera], rig.t_cam_world[camera]
-    truth = np.stack([person(times) @ R.T + t for person in people], axis=1)
+    R, t = poses_over_time(rig.R_cam_world[camera], rig.t_cam_world[camera], times, changes)
+    truth = np.stack([person(times) @ R.swapaxes(1, 2) + t[:, None] for person in people], axis=1)
     exact = image_of(truth, lens)
     keypoints, joints = np.empty_like(exact), np.empty_like(truth)
     draws = [child_rng(rng) for _ in people]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.synthetic.changes import CameraChange
 from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.noise import child_rng
 from stcalib_ros.core.synthetic.observe import Clock, Sightings, observe
@@ -74,6 +75,7 @@ def simulate(
     options: SceneOptions | None = None,
     *,
     clips: Sequence[MotionClip] = (),
+    changes: Sequence[CameraChange] = (),
     rng: np.random.Generator | None = None,
 ) -> Scene:
     """Simulate cameras that watch people.
@@ -83,6 +85,8 @@ def simulate(
     options : SceneOptions, optional
     clips : sequence of MotionClip
         Motion capture to compose the people's motion of; without any it is procedural.
+    changes : sequence of CameraChange
+        What happens to cameras on the way; the truth of the scene is what holds before.
     rng : Generator, optional
         Takes the place of ``options.seed``.
     """
@@ -90,6 +94,8 @@ def simulate(
     rng = np.random.default_rng(options.seed) if rng is None else rng
     rig = make_rig(child_rng(rng), options)
     clocks = _clocks(child_rng(rng), options, len(rig.names))
+    own = [[change for change in changes if change.camera == c] for c in range(len(clocks))]
+    clocks = [clock.changed(given) for clock, given in zip(clocks, own, strict=True)]
     exposures = [clock.exposures_s for clock in clocks]
     span = (min(e[0] for e in exposures), max(e[-1] for e in exposures))
     people = make_people(
@@ -97,7 +103,7 @@ def simulate(
     )
     seed = rng.integers(2**63, size=4)
     seen = [
-        observe(np.random.default_rng([*seed, c]), seed, options, rig, c, clock, people)
+        observe(np.random.default_rng([*seed, c]), seed, options, rig, c, clock, people, own[c])
         for c, clock in enumerate(clocks)
     ]
     recording = Recording(tuple(s.camera for s in seen), EPOCH_NS)

@@ -1,0 +1,174 @@
+"""The calibration in a process of its own; knows no ROS.
+
+The solver takes gigabytes for some seconds. In a process of its own they go back to the system
+when it ends, it does not compete with the callbacks of the node for Python's lock, can be
+stopped at any time, and takes nothing with it if memory runs out.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any
+
+from stcalib_ros.core.errors import Cancelled, StcalibError
+from stcalib_ros.core.options import Options
+from stcalib_ros.core.types import Calibration
+from stcalib_ros.io.assemble import CameraImages, assemble_recording
+
+_POLL_S = 0.05
+_NICE = 5
+"""On a busy machine messages go first."""
+
+_IMAGES_AT_ONCE = 100
+_RESULT, _ERROR = "result", "error"
+
+
+class SolverError(StcalibError):
+    """The solver's process ended without a result, or stumbled over something unforeseen."""
+
+
+def calibrate_apart(
+    cameras: list[CameraImages],
+    options: Options,
+    *,
+    cancelled: Callable[[], bool],
+    **listeners: Callable[..., None],
+) -> Calibration:
+    """Assemble what arrived of the cameras and calibrate, in a process of its own.
+
+    Parameters
+    ----------
+    cameras : list of CameraImages
+        Emptied while it is handed over, so that no image is kept for longer than that.
+    options : Options
+    cancelled : callable
+        Asked every twentieth of a second; the process is killed when it returns true.
+    **listeners : callable
+        ``warn`` of `assemble_recording`, and any of `calibrate`'s, such as ``progress``; called
+        in the caller's thread.
+
+    Raises
+    ------
+    Cancelled
+        `cancelled` returned true.
+    InputError
+        The data cannot be used.
+    SolverError
+        The process was killed, or the calibration raised anything else.
+    """
+    context = get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(
+        target=_serve, args=(theirs, options, tuple(listeners)), name="solver", daemon=True
+    )
+    with _without_interrupts():
+        process.start()
+    theirs.close()
+    try:
+        _send(ours, cameras, cancelled)
+        return _followed(ours, cancelled, listeners)
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        process.join()
+        raise SolverError(
+            f"the solver's process has ended (exit code {process.exitcode}); if memory ran out, "
+            "make window_s smaller"
+        ) from None
+    finally:
+        process.kill()
+        process.join()
+        ours.close()
+
+
+def _send(to: Connection, cameras: list[CameraImages], cancelled: Callable[[], bool]) -> None:
+    """Hand over piece by piece: pickling holds Python's lock."""
+    to.send(len(cameras))
+    while cameras:
+        camera = cameras.pop(0)
+        to.send((replace(camera, images=()), len(camera.images)))
+        for k in range(0, len(camera.images), _IMAGES_AT_ONCE):
+            if cancelled():
+                raise Cancelled("cancelled during assembly")
+            to.send(camera.images[k : k + _IMAGES_AT_ONCE])
+
+
+def _received(source: Connection) -> list[CameraImages]:
+    cameras = []
+    for _ in range(source.recv()):
+        camera, n_images = source.recv()
+        images: list[Any] = []
+        while len(images) < n_images:
+            images += source.recv()
+        cameras.append(replace(camera, images=images))
+    return cameras
+
+
+def _followed(
+    source: Connection,
+    cancelled: Callable[[], bool],
+    listeners: dict[str, Callable[..., None]],
+) -> Calibration:
+    """Pass on what the process tells until it has a result."""
+    stage = "assembly"
+    while True:
+        while not source.poll(_POLL_S):
+            if cancelled():
+                raise Cancelled(f"cancelled during {stage}")
+        kind, content = source.recv()
+        if kind == _RESULT:
+            return content  # type: ignore[no-any-return]
+        if kind == _ERROR:
+            raise content
+        if kind == "progress":
+            stage = content[0]
+        listeners[kind](*content)
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Ctrl-C reaches all processes of a terminal; one that is started here does not hear it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _serve(pipe: Connection, options: Options, events: Sequence[str]) -> None:
+    """Main function of the process."""
+    from stcalib_ros.core.pipeline import calibrate  # here: the node needs nothing of it
+
+    os.nice(_NICE)
+    tell = {event: partial(_say, pipe, event) for event in events}
+    warn = tell.pop("warn")
+    try:
+        recording = assemble_recording(_received(pipe), warn=warn)
+        threading.Thread(target=_end_with, args=(pipe,), daemon=True).start()
+        calibration = calibrate(recording, options, **tell)  # type: ignore[arg-type]
+    except EOFError:
+        return
+    except StcalibError as error:
+        pipe.send((_ERROR, error))
+    except Exception as error:  # the node goes on, whatever the solver stumbles over
+        pipe.send((_ERROR, SolverError(f"{type(error).__name__}: {error}")))
+    else:
+        pipe.send((_RESULT, calibration))
+
+
+def _say(pipe: Connection, event: str, *content: Any) -> None:
+    pipe.send((event, content))
+
+
+def _end_with(pipe: Connection) -> None:
+    """End when the other end of the pipe is gone: the node may have been killed."""
+    try:
+        pipe.recv()
+    except (EOFError, OSError):
+        os._exit(1)

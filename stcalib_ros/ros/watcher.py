@@ -1,0 +1,183 @@
+"""Holds what arrives to the calibration in force, in a thread of its own; knows no ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.types import Calibration
+from stcalib_ros.core.watch.span import SPAN_S, Span, examine
+from stcalib_ros.core.watch.verdict import KEPT_SPANS, State, Thresholds, Verdict, judge
+from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
+from stcalib_ros.io.messages import NS
+
+_LATE_S = 3.0
+"""Images that come so much later than those of other cameras are waited for."""
+_ARRIVING_S = 1.5
+_BACKWARDS_S = 1.0
+
+
+class Watcher:
+    """Looks at one span of time after the other; at most one is under examination.
+
+    All methods are called from one thread, and none of them waits.
+
+    Parameters
+    ----------
+    warn : callable
+        Told what goes wrong in the examination.
+    """
+
+    def __init__(self, warn: Warn) -> None:
+        self._warn = warn
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="watch")
+        self._calibration: Calibration | None = None
+        self._verdicts: dict[str, Verdict] = {}
+        self._spans: list[Span] = []
+        self._pending: Future[Span] | None = None
+        self._looked_until_s = -math.inf
+        self._changed_s = -math.inf
+
+    @property
+    def verdicts(self) -> Mapping[str, Verdict]:
+        """By camera, of those of the calibration in force."""
+        return self._verdicts
+
+    @property
+    def changed_s(self) -> float:
+        """All data from this stamp on (reference clock) is from after the last change; or -inf."""
+        return self._changed_s
+
+    @property
+    def busy(self) -> bool:
+        """An examination is under way."""
+        return self._pending is not None and not self._pending.done()
+
+    @property
+    def complaint(self) -> str:
+        """Why the calibration in force does not hold any more; empty if it does."""
+        changed = {v.suspects or v.name: v for v in self._verdicts.values() if v.state.changed}
+        return "; ".join(verdict.sentence() for verdict in changed.values())
+
+    def begin(self, calibration: Calibration | None) -> None:
+        """Watch another calibration from now on, or none."""
+        self._calibration, self._pending, self._spans = calibration, None, []
+        cameras = () if calibration is None else calibration.cameras
+        self._verdicts = {camera.name: Verdict(camera.name) for camera in cameras}
+
+    def look(
+        self,
+        snapshot: Callable[[], Sequence[CameraImages]],
+        arriving: Mapping[str, float],
+        *,
+        min_score: float,
+    ) -> None:
+        """Have the next span examined, if its images are there.
+
+        Parameters
+        ----------
+        snapshot : callable
+            Gives all images that there are.
+        arriving : mapping of str to float
+            Seconds since the last message of each camera.
+        min_score : float
+            Joints with a lower score are not used.
+        """
+        if self._calibration is None or self._pending is not None:
+            return
+        images = snapshot()
+        offsets = {camera.name: camera.time_offset_s for camera in self._calibration.cameras}
+        newest = {
+            c.name: c.images[-1].stamp_ns / NS + offsets[c.name]
+            for c in images
+            if c.name in offsets and arriving[c.name] <= _ARRIVING_S
+        }
+        if len(newest) < 2:
+            return
+        lead_s = {name: _lead(name, newest) for name in newest}
+        end_s = min(t for name, t in newest.items() if lead_s[name] >= -_LATE_S)
+        if end_s < self._looked_until_s - _BACKWARDS_S:
+            self._spans, self._looked_until_s, self._changed_s = [], -math.inf, -math.inf
+        if end_s < self._looked_until_s + SPAN_S:
+            return
+        start_s = self._looked_until_s
+        if end_s > start_s + 2.0 * SPAN_S:
+            start_s = end_s - SPAN_S
+        self._looked_until_s = start_s + SPAN_S
+        parts = [_part(c, start_s, start_s + SPAN_S, offsets.get(c.name, 0.0)) for c in images]
+        self._pending = self._thread.submit(
+            _examined,
+            [part for part in parts if part.images],
+            self._calibration,
+            start_s=start_s,
+            min_score=min_score,
+            away_s={name: lead for name, lead in lead_s.items() if abs(lead) > _LATE_S},
+        )
+
+    def news(self, thresholds: Thresholds) -> tuple[Verdict, ...]:
+        """Take in what was found out; the verdicts that say something else than before.
+
+        Of cameras that are suspected together, one speaks for all.
+        """
+        if self._pending is None or not self._pending.done():
+            return ()
+        done, self._pending = self._pending, None
+        if (error := done.exception()) is not None:
+            self._warn(f"the watch could not look at the last images: {error}")
+            return ()
+        self._spans = [*self._spans, done.result()][-KEPT_SPANS:]
+        before, self._verdicts = self._verdicts, judge(self._spans, self._verdicts, thresholds)
+        known = [v.since_s for v in self._verdicts.values() if math.isfinite(v.since_s)]
+        self._changed_s = max([self._changed_s, *known])
+        said = {_statement(verdict) for verdict in before.values()}
+        return tuple(
+            {
+                _statement(v): v for v in self._verdicts.values() if _statement(v) not in said
+            }.values()
+        )
+
+
+def _statement(verdict: Verdict) -> tuple[State, tuple[str, ...]]:
+    return verdict.state, verdict.suspects or (verdict.name,)
+
+
+def _lead(name: str, newest_s: Mapping[str, float]) -> float:
+    """Seconds that the newest stamp of a camera is ahead of those of the others."""
+    if len(newest_s) == 2:
+        return newest_s[name] - next(t for other, t in newest_s.items() if other != name)
+    return newest_s[name] - float(np.median(list(newest_s.values())))
+
+
+def _part(camera: CameraImages, start_s: float, end_s: float, offset_s: float) -> CameraImages:
+    first, last = round((start_s - offset_s) * NS), round((end_s - offset_s) * NS)
+    return replace(camera, images=[i for i in camera.images if first <= i.stamp_ns < last])
+
+
+def _examined(
+    images: Sequence[CameraImages],
+    calibration: Calibration,
+    *,
+    start_s: float,
+    min_score: float,
+    away_s: Mapping[str, float],
+) -> Span:
+    empty = Span(start_s, start_s + SPAN_S, {}, away_s)
+    if len(images) < 2:
+        return empty
+    try:
+        recording = assemble_recording(images, warn=lambda _: None)
+    except InputError:  # the calibration will say so; here it is nothing to go by
+        return empty
+    return examine(
+        recording,
+        calibration,
+        start_s=start_s,
+        end_s=start_s + SPAN_S,
+        min_score=min_score,
+        away_s=away_s,
+    )

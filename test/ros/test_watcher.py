@@ -1,0 +1,181 @@
+"""The watch on what arrives, span by span; without ROS."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stcalib_ros.core.synthetic import CameraChange, Scene, SceneOptions, simulate
+from stcalib_ros.core.types import CameraRecording
+from stcalib_ros.core.watch.span import SPAN_S
+from stcalib_ros.core.watch.verdict import State, Thresholds, Verdict
+from stcalib_ros.io.assemble import CameraImages
+from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage
+from stcalib_ros.ros.watcher import Watcher
+
+CHANGED_S, END_S = 5.0, 14.0
+OPTIONS = SceneOptions(n_cameras=3, n_frames=round(30 * END_S), seed=11)
+
+
+def images_of(camera: CameraRecording, epoch_ns: int) -> CameraImages:
+    """The messages that a recording was made of."""
+    rows: list[list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]] = [[] for _ in camera.stamps]
+    for track in camera.tracks:
+        for k, frame in enumerate(track.frames):
+            row = (track.track_id, track.keypoints[k], track.joints[k], track.scores[k])
+            rows[frame].append(row)
+    J = camera.layout.n_joints
+    images = [
+        PoseImage(
+            stamp_ns=epoch_ns + round(stamp * NS),
+            frame_id=camera.frame_id,
+            layout=camera.layout,
+            rectified=False,
+            metric=camera.metric,
+            track_ids=np.array([r[0] for r in row], dtype=np.int64),
+            scores=np.ones(len(row)),
+            keypoints=np.array([r[1] for r in row]).reshape(-1, J, 2),
+            joints=np.array([r[2] for r in row]).reshape(-1, J, 3),
+            joint_scores=np.array([r[3] for r in row]).reshape(-1, J),
+        )
+        for stamp, row in zip(camera.stamps, rows, strict=True)
+    ]
+    lens = camera.intrinsics
+    info = CameraInfoFields(
+        lens.width,
+        lens.height,
+        "plumb_bob",
+        (0.0,) * 5,
+        tuple(lens.K.ravel().tolist()),
+        (0.0,) * 9,
+        (0.0,) * 12,
+        0,
+        0,
+        (0, 0, 0, 0),
+    )
+    return CameraImages(camera.name, images, info, "poses", "info")
+
+
+class Live:
+    """A watcher to which a recording is played, one second after the other."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.lines: list[str] = []
+        self.watcher = Watcher(self.lines.append)
+        self.watcher.begin(scene.truth)
+        self.all = tuple(
+            images_of(camera, scene.recording.epoch_ns) for camera in scene.recording.cameras
+        )
+        self.epoch_ns = scene.recording.epoch_ns
+        self.arriving = dict.fromkeys(scene.rig.names, 0.1)
+
+    def until(self, now_s: float, lag_s: dict[str, float] | None = None) -> tuple[Verdict, ...]:
+        """What is new at a time, with the images of the last twenty seconds."""
+
+        def arrived(camera: CameraImages) -> CameraImages:
+            last = self.epoch_ns + round((now_s - (lag_s or {}).get(camera.name, 0.0)) * NS)
+            kept = [i for i in camera.images if last - 20 * NS < i.stamp_ns <= last]
+            return replace(camera, images=kept)
+
+        snapshot: Callable[[], Sequence[CameraImages]] = lambda: [  # noqa: E731
+            c for c in map(arrived, self.all) if c.images
+        ]
+        self.watcher.look(snapshot, self.arriving, min_score=0.3)
+        deadline = time.monotonic() + 30.0
+        while self.watcher.busy and time.monotonic() < deadline:
+            time.sleep(0.005)
+        return self.watcher.news(Thresholds())
+
+    def play(self, **given: dict[str, float]) -> list[Verdict]:
+        return [v for now_s in np.arange(1.0, END_S, 1.0) for v in self.until(now_s, **given)]
+
+
+@pytest.fixture(scope="module")
+def quiet() -> Scene:
+    return simulate(OPTIONS)
+
+
+@pytest.fixture(scope="module")
+def turned() -> Scene:
+    turn = (0.0, np.radians(2.0), 0.0)
+    return simulate(OPTIONS, changes=[CameraChange(1, CHANGED_S, turn_rad=turn)])
+
+
+def alarms(verdicts: Sequence[Verdict]) -> list[tuple[str, State]]:
+    return [(v.name, v.state) for v in verdicts if v.state.alarm]
+
+
+def test_all_is_well(quiet):
+    live = Live(quiet)
+    said = live.play()
+    assert {(v.name, v.state) for v in said} == {(n, State.OK) for n in quiet.rig.names}
+    assert live.watcher.complaint == ""
+    assert live.watcher.changed_s == -np.inf
+
+
+def test_a_turned_camera_is_told_once_and_data_starts_after_it(turned):
+    live = Live(turned)
+    assert alarms(live.play()) == [("cam1", State.MOVED)]
+    assert "cam1 has moved" in live.watcher.complaint
+    changed_s = live.epoch_ns / NS + CHANGED_S
+    assert changed_s <= live.watcher.changed_s <= changed_s + 2 * SPAN_S
+
+
+def test_another_calibration_is_watched_from_its_beginning(turned):
+    live = Live(turned)
+    live.play()
+    after_s = live.watcher.changed_s
+    live.watcher.begin(turned.truth)
+    assert live.watcher.complaint == ""
+    assert {v.state for v in live.watcher.verdicts.values()} == {State.UNKNOWN}
+    assert live.watcher.changed_s == after_s
+
+
+def test_who_comes_late_is_waited_for(turned):
+    said = Live(turned).play(lag_s={"cam0": 1.5})
+    assert alarms(said) == [("cam1", State.MOVED)]
+
+
+def test_who_has_stopped_is_not_waited_for(quiet):
+    live = Live(quiet)
+    live.arriving["cam2"] = 60.0
+    live.play(lag_s={"cam2": 8.0})
+    assert live.watcher.verdicts["cam0"].state is State.OK
+    assert not live.watcher.verdicts["cam2"].state.alarm
+
+
+def test_stamps_that_are_far_off_are_told(quiet):
+    scene = simulate(OPTIONS, changes=[CameraChange(2, CHANGED_S, clock_s=100.0)])
+    said = alarms(Live(scene).play(lag_s={"cam2": -100.0}))
+    assert said == [("cam2", State.AWAY)]
+
+
+def test_time_that_starts_again_is_followed(turned):
+    live = Live(turned)
+    live.play()
+    again = [v for now_s in np.arange(1.0, CHANGED_S, 1.0) for v in live.until(now_s)]
+    again += [v for now_s in np.arange(1.0, CHANGED_S, 1.0) for v in live.until(now_s)]
+    assert ("cam1", State.OK) in [(v.name, v.state) for v in again]
+
+
+def test_images_that_cannot_be_read_are_no_alarm(quiet):
+    live = Live(quiet)
+    live.all = tuple(replace(c, info=c.info._replace(k=(0.0,) * 9)) for c in live.all)
+    assert live.play() == []
+    live.watcher.begin(None)
+    assert live.play() == []
+
+
+def test_an_error_in_the_examination_is_said_and_the_watch_goes_on(quiet, monkeypatch):
+    from stcalib_ros.ros import watcher as module
+
+    live = Live(quiet)
+    monkeypatch.setattr(module, "examine", lambda *_, **__: 1 / 0)
+    assert live.until(3.0) == ()
+    assert live.lines == ["the watch could not look at the last images: division by zero"]
+    monkeypatch.undo()
+    assert live.play()
