@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.paper.point_bundle import PointViews
-from stcalib_ros.core.geometry import bearings, project
+from stcalib_ros.core.geometry import bearings
 from stcalib_ros.core.synthetic import Rig
 from stcalib_ros.core.synthetic.rigs import image_of
-from stcalib_ros.core.types import BoolArray, FloatArray
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 CORNERS = (8, 6)
 SQUARE_M = 0.06
@@ -35,7 +35,7 @@ class BoardShots:
         The same points undistorted.
     """
 
-    pair: FloatArray
+    pair: IntArray
     corners_board: FloatArray
     pixels: FloatArray
     views: PointViews
@@ -43,10 +43,9 @@ class BoardShots:
     @property
     def seen(self) -> BoolArray:
         """Which camera sees which board, (B, C)."""
-        seen: BoolArray = np.isfinite(self.pixels).all((2, 3))
-        return seen
+        return np.asarray(np.isfinite(self.pixels).all((2, 3)))
 
-    def for_pair(self, a: int, b: int) -> FloatArray:
+    def for_pair(self, a: int, b: int) -> IntArray:
         """Numbers of the boards that were held up for a pair of cameras."""
         return np.flatnonzero((self.pair == (a, b)).all(1))
 
@@ -120,11 +119,6 @@ def _pixels(points: FloatArray, normal: FloatArray, rig: Rig, c: int) -> FloatAr
 
 def _undistorted(pixels: FloatArray, rig: Rig) -> PointViews:
     x = np.stack([bearings(pixels[:, c], rig.intrinsics[c])[0] for c in range(pixels.shape[1])], 1)
-    seen = np.isfinite(x).all(-1)
+    seen: BoolArray = np.asarray(np.isfinite(x).all(-1))
     focal = np.array([np.sqrt(lens.K[0, 0] * lens.K[1, 1]) for lens in rig.intrinsics])
     return PointViews(np.where(seen[..., None], x, 0.0), seen, focal)
-
-
-def board_pixels(shots: BoardShots, rig: Rig, c: int, R: FloatArray, t: FloatArray) -> FloatArray:
-    """Corners (J, 2) as camera c would see a board that stands at ``x_cam = R x_board + t``."""
-    return project(shots.corners_board @ R.T + t, rig.intrinsics[c])

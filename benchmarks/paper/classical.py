@@ -1,4 +1,4 @@
-"""Relative poses of two cameras by the eight-point algorithm and by PnP (Table IV)."""
+"""Table IV: two cameras by the eight-point algorithm and by PnP, all by structure from motion."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 
 from benchmarks.paper.boards import CORNERS, SQUARE_M, BoardShots
 from benchmarks.paper.point_bundle import PointViews, rig_of, triangulated
+from benchmarks.paper.sfm import as_pose
 from stcalib_ros.core.geometry import best_rotation
 from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.synthetic import Rig
@@ -25,11 +26,12 @@ def eight_point(shots: BoardShots, a: int, b: int) -> PairHypothesis:
     F, _ = cv2.findFundamentalMat(x_b, x_a, cv2.FM_8POINT)
     U, _, Vt = np.linalg.svd(F)
     E = U @ np.diag([1.0, 1.0, 0.0]) @ Vt
-    _, R_a_b, t, _ = cv2.recoverPose(E, x_b, x_a, np.eye(3))
+    _, R, t, _ = cv2.recoverPose(E, x_b, x_a, np.eye(3))
+    R_a_b, t_a_b = as_pose(R, t)
     pair = shots.views.of([a, b])
     pair = PointViews(pair.x[rows], pair.seen[rows], pair.focal)
-    X = triangulated(pair, rig_of(np.stack([np.eye(3), R_a_b]), np.stack([np.zeros(3), t[:, 0]]))).X
-    return PairHypothesis(a, b, R_a_b, t[:, 0] * SQUARE_M / _square(X), 0.0, (), float(len(rows)))
+    X = triangulated(pair, rig_of(np.stack([np.eye(3), R_a_b]), np.stack([np.zeros(3), t_a_b]))).X
+    return PairHypothesis(a, b, R_a_b, t_a_b * SQUARE_M / _square(X), 0.0, (), float(len(rows)))
 
 
 def _square(X: FloatArray) -> float:
@@ -72,4 +74,4 @@ def _board_pose(shots: BoardShots, rig: Rig, board: int, c: int) -> tuple[FloatA
         useExtrinsicGuess=True,
         flags=flags[1],
     )
-    return cv2.Rodrigues(r)[0], t[:, 0]
+    return as_pose(cv2.Rodrigues(r)[0], t)

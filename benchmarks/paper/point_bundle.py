@@ -63,13 +63,14 @@ class PointBundle:
     X : (N, J, 3) ndarray
         In the frame of the first camera; 0 where unknown.
     known : (N, J) ndarray of bool
-    rms_px : float
+    mean_px, rms_px : float
         Of the reprojection errors of the points in use.
     """
 
     rig: Rig
     X: FloatArray
     known: BoolArray
+    mean_px: float
     rms_px: float
 
 
@@ -115,6 +116,7 @@ def adjusted(
 
 def _result(o: Observations, state: stba.BundleState, rig: Rig) -> PointBundle:
     errors = stba.errors_px(o, state)
-    use = state.used & np.isfinite(errors)
-    rms = float(np.sqrt(np.mean(errors[use] ** 2))) if use.any() else float("nan")
-    return PointBundle(rig, state.X, state.used.sum(1) >= 2, rms)
+    used = errors[state.used & np.isfinite(errors)]
+    mean = float(used.mean()) if len(used) else float("nan")
+    rms = float(np.sqrt(np.mean(used**2))) if len(used) else float("nan")
+    return PointBundle(rig, state.X, state.used.sum(1) >= 2, mean, rms)

@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from benchmarks.paper.sfm import as_pose
 from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
@@ -110,9 +111,12 @@ def relative_pose(
     if E is None or E.shape != (3, 3):
         return None
     _, R, t, mask = cv2.recoverPose(E, right[both], left[both], np.eye(3), mask=mask)
-    explained = _share(both, mask.ravel() > 0)
+    inlier = mask.ravel() > 0
+    explained = _share(both, inlier)
     kept = tuple(m for m, share in zip(matches, explained, strict=True) if share >= _EXPLAINED)
-    return PairHypothesis(a, b, R, t[:, 0], 0.0, kept, float(mask.sum() > 0) * float(both.sum()))
+    return PairHypothesis(
+        a, b, *as_pose(R, t), 0.0, kept, float(mask.sum() > 0) * float(both.sum())
+    )
 
 
 def _share(both: BoolArray, inlier: BoolArray) -> FloatArray:

@@ -8,7 +8,6 @@ that matter for long sequences (local adjustment, retriangulation, view graphs) 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations
 
 import cv2
@@ -34,7 +33,7 @@ def incremental_sfm(views: PointViews, *, max_px: float = 4.0) -> PointBundle:
     Parameters
     ----------
     views : PointViews
-        One point per row and column; false matches among them.
+        False matches among them.
     max_px : float
         Points that reproject worse are left out of the adjustments.
 
@@ -67,7 +66,7 @@ def incremental_sfm(views: PointViews, *, max_px: float = 4.0) -> PointBundle:
         bundle = adjusted(views.of(order), rig, max_px=max_px)
     back = np.argsort(order)
     rig = _from_first(bundle.rig, back)
-    return replace(triangulated(views, rig), rms_px=bundle.rms_px)
+    return triangulated(views, rig)
 
 
 def _first_pair(views: PointViews) -> tuple[tuple[int, int], FloatArray, FloatArray]:
@@ -118,7 +117,12 @@ def essential(
         np.linalg.norm(rays[0], axis=1) * np.linalg.norm(turned, axis=1)
     )
     angle = float(np.median(np.arccos(np.clip(cosine, -1, 1)))) if n else 0.0
-    return int(n), R, t[:, 0], angle
+    return int(n), *as_pose(R, t), angle
+
+
+def as_pose(R: object, t: object) -> tuple[FloatArray, FloatArray]:
+    """Rotation (3, 3) and translation (3,) as OpenCV gives them, in our types."""
+    return np.asarray(R, dtype=np.float64), np.asarray(t, dtype=np.float64).ravel()
 
 
 def _registered(

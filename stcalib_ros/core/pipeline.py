@@ -69,7 +69,7 @@ class Stages:
     rigs : tuple of Rig
         Of the multi-view integration (MI), best first.
     rounds : tuple of Round
-        Of the adjustment: the first is STBA, the last ISTBA.
+        Of the adjustment, the first and the last two: the first is STBA, the last ISTBA.
     calibration : Calibration
     placement : Placement or None
         How the calibration lies in the world; None without cameras.

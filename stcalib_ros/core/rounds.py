@@ -147,17 +147,18 @@ def iterate(
     Returns
     -------
     tuple of Round or Unconnected
-        The latter as soon as cameras fall apart.
+        The first round and the last two; those between would only take memory. The latter as soon
+        as cameras fall apart.
     """
     done = [first]
-    while len(done) < o.rounds:
-        tick(len(done) / o.rounds, done[-1])
-        settled = len(done) > 2 and _settled(done[-2], done[-1], step_s)
-        last = settled or len(done) == o.rounds - 1
+    for n in range(1, o.rounds):
+        tick(n / o.rounds, done[-1])
+        settled = n > 2 and _settled(done[-2], done[-1], step_s)
+        last = settled or n == o.rounds - 1
         result = next_round(cameras, done[-1], o, step_s=step_s, last=last)
         if isinstance(result, Unconnected):
             return result
-        done.append(result)
+        done = [first, *done[1:][-1:], result]
         if last:
             break
     return tuple(done)
