@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from benchmarks.paper import __main__ as command
-from benchmarks.paper import gate
+from benchmarks.paper import gate, pairwise
 from benchmarks.paper.baselines import BASELINES
 from benchmarks.paper.experiments import EXPERIMENTS, Experiment
 from benchmarks.paper.multiview import rig_errors
-from benchmarks.paper.pairwise import noise_rows
+from benchmarks.paper.pairwise import N_FRAMES, T, inside_windows, noise_rows
 from benchmarks.paper.report import read_notes, write_report
 from benchmarks.paper.run import Row, Task, row, run_tasks, stored
-from benchmarks.paper.scenes import SCENES, late, window_starts
+from benchmarks.paper.scenes import SCENES, SEARCH_FRAMES, late, window_starts
 from benchmarks.paper.tables import PRINTED, tables
 from stcalib_ros.core.metrics import evaluate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
@@ -45,6 +45,7 @@ def test_an_interrupted_experiment_goes_on(tmp_path: Path) -> None:
     rows = run_tasks([t for t in tasks(5) if t.key != "task 3"], store, jobs=1, name="x")
     assert calls == [4]
     assert [r["E_R"] for r in rows] == [0.0, 1.0, 2.0, 4.0]
+    assert {key for key, _ in stored(store)} == {f"task {k}" for k in (0, 1, 2, 4)}
 
 
 def test_what_is_not_finite_is_null_in_the_store(tmp_path: Path) -> None:
@@ -67,6 +68,12 @@ def test_windows_are_uniform_and_inside() -> None:
     assert set(np.diff(starts)) <= {15, 16}
 
 
+def test_windows_have_a_counterpart_at_every_offset() -> None:
+    starts = inside_windows(20)
+    assert min(starts) == SEARCH_FRAMES
+    assert max(starts) + T + SEARCH_FRAMES == N_FRAMES
+
+
 def test_late_clocks_are_in_the_truth() -> None:
     scene = simulate(SceneOptions(n_frames=20, n_people=1, max_offset_frames=0.0))
     recording, truth = late(scene.recording, scene.truth, 5)
@@ -82,13 +89,17 @@ def test_late_clocks_are_in_the_truth() -> None:
     assert errors["E_delta"] == pytest.approx(5.0)
 
 
-def test_one_noisy_observation_by_every_method() -> None:
+def test_one_noisy_observation_by_every_method(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pairwise, "N_WINDOWS", 8)
     rows = noise_rows("three people, ring", 1.0, 0, 1)
     methods = {"default", "paper", "paper, 10 starts", *BASELINES}
     assert {r["method"] for r in rows} == methods
     for method in methods - {"paper"}:
         mine = [r for r in rows if r["method"] == method and r["stage"] == "windows"]
         assert len(mine) == 6
+    starts = [r for r in rows if r["method"] == "paper"]
+    assert len(starts) == 12
+    assert all(r["E_R"] is not None for r in starts), "a start that failed is left out of the mean"
     for method in ("default", "paper, 10 starts"):
         mine = [r for r in rows if r["method"] == method and r["stage"] == "windows"]
         assert max(r["E_R"] for r in mine) < 0.01
