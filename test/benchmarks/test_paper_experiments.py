@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,10 @@ def figure_rows(scene: str, method: str, stage: str, **figures: float) -> list[R
     return [row(scene, method, stage, k, None, missing=0, **figures) for k in range(2)]
 
 
+def varied_rows(k: int) -> list[Row]:
+    return [row("s", "default", "IBA", k, None, missing=0, E_R=float(k))]
+
+
 def test_tables_show_measured_and_printed() -> None:
     rows = figure_rows("soccer1_6", "paper", "IBA", E_R=0.0123, E_t=0.5, E_2D=4.0)
     text = tables("table1", rows)
@@ -156,6 +161,23 @@ def test_command_fails_when_accuracy_gets_worse(
         monkeypatch.setattr(gate, "read_baseline", lambda rows=rows: rows)
         assert command.main(["table1", "--reduced", "--jobs", "1"]) == status
     assert "worse than the baseline" in capsys.readouterr().out
+
+
+def test_the_baseline_of_one_experiment_leaves_the_others(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def reduced(k: int) -> list[Task]:
+        return [Task(f"trial {k}", varied_rows, (k,))]
+
+    monkeypatch.setattr(command, "EXPERIMENTS", {"table1": Experiment("Title", list, reduced)})
+    monkeypatch.setattr(gate, "BASELINE", tmp_path / "baseline.json")
+    other = {"table3; s; default; windows": {"E_R": {"value": 1.0, "stddev": 0.0}}}
+    gate.BASELINE.write_text(json.dumps(other | {"table1; gone; default; IBA": {}}))
+    assert command.main(["table1", "--update-baseline", "--jobs", "1"]) == 0
+    found = gate.read_baseline()
+    assert found.keys() == {*other, "table1; s; default; IBA"}
+    expected = {"value": 0.0, "stddev": pytest.approx(np.std(range(5)))}
+    assert found["table1; s; default; IBA"]["E_R"] == expected
 
 
 def test_committed_baseline_is_of_the_reduced_set() -> None:
