@@ -61,7 +61,9 @@ def check_make(words: list[str]) -> None:
 
 
 def check_ros2(words: list[str]) -> None:
-    if words[:2] == ["interface", "show"]:
+    if words[0] == "security":
+        assert (ROOT / "config" / "sros2" / words[words.index("-p") + 1]).is_file()
+    elif words[:2] == ["interface", "show"]:
         check_interface(words[2])
     elif words[:2] in (["service", "call"], ["action", "send_goal"]):
         name, interface = [word for word in words[2:] if not word.startswith("-")][:2]
@@ -112,6 +114,7 @@ CHECKS = {
     "rosdep": check_elsewhere,
     "colcon": check_elsewhere,
     "source": check_elsewhere,
+    "export": check_elsewhere,
 }
 
 
