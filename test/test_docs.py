@@ -96,7 +96,8 @@ def check_pip(words: list[str]) -> None:
 
 def check_python(words: list[str]) -> None:
     assert words[0] == "-m"
-    text = (ROOT / f"{words[1].replace('.', '/')}.py").read_text()
+    module = ROOT / words[1].replace(".", "/")
+    text = (module / "__main__.py" if module.is_dir() else module.with_suffix(".py")).read_text()
     assert all(f'"{option}"' in text for option in given_options(words[2:]))
 
 
