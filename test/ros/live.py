@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo
 from stcalib_ros.msg import PersonPose3DArray
 
-from stcalib_ros.io.mcap_source import bag_files, raw_messages, topic_schemas
+from stcalib_ros.io.mcap_source import RawMessage, bag_files, raw_messages, topic_schemas
 
 TIMEOUT_S = 60.0
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -26,6 +26,9 @@ LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
+
+
+Edit = Callable[[RawMessage], bytes | None]
 
 
 class LiveNode:
@@ -78,7 +81,8 @@ class Client:
         self.context = rclpy.Context()
         self.context.init()
         self.executor = SingleThreadedExecutor(context=self.context)
-        self.node = rclpy.create_node(f"client_of_{target}", context=self.context)
+        name = f"client_of_{target.replace('/', '_')}"
+        self.node = rclpy.create_node(name, context=self.context)
         self.executor.add_node(self.node)
         self.diagnostics: dict[str, dict[str, str]] = {}
         self.n_diagnostics = 0
@@ -133,8 +137,8 @@ class Client:
         self.wait(lambda: publisher.get_subscription_count() > 0, f"subscription to {topic}")
         return publisher
 
-    def play(self, bag: Path, *, speed: float = 4.0) -> None:
-        """Publish the messages of a bag, stamps as they are."""
+    def play(self, bag: Path, *, speed: float = 4.0, edit: Edit = lambda m: m.data) -> None:
+        """Publish the messages of a bag, stamps as they are; edited, or not if that is None."""
         files = bag_files(bag)
         kinds = {"PersonPose3DArray": PersonPose3DArray, "CameraInfo": CameraInfo}
         publishers = {
@@ -147,7 +151,8 @@ class Client:
             due = begin + (raw.log_time - first) * 1e-9 / speed
             while (rest := due - time.monotonic()) > 0:
                 self.executor.spin_once(timeout_sec=rest)
-            publishers[raw.topic].publish(raw.data)
+            if (data := edit(raw)) is not None:
+                publishers[raw.topic].publish(data)
 
     def play_completely(self, bag: Path, counts: Mapping[str, int]) -> None:
         """Play until every image has arrived: best effort may lose some, another time not."""
