@@ -40,16 +40,12 @@ class Correspondences:
         Time derivative of `x_b`, per second.
     focal : (M,) ndarray
         Pixels per unit of x, geometric mean of both cameras.
-    body_a, body_b : (K, 3) ndarray
-        Middle of the same bodies at the same moments in the two optical frames, metres.
     """
 
     x_a: FloatArray
     x_b: FloatArray
     v_b: FloatArray
     focal: FloatArray
-    body_a: FloatArray
-    body_b: FloatArray
 
 
 def sampson(E: FloatArray, x_a: FloatArray, x_b: FloatArray) -> FloatArray:
@@ -77,27 +73,63 @@ def correspondences(
     cameras: Sequence[LiftedCamera], h: PairHypothesis, *, max_points: int = _MAX_POINTS
 ) -> Correspondences:
     """Matched key points at the lag of a hypothesis, thinned to about `max_points`."""
-    cam_a, cam_b = cameras[h.a], cameras[h.b]
-    period = frame_period(cam_b.stamps)
-    total = sum(cam_a.tracks[p].x.shape[0] * cam_a.tracks[p].x.shape[1] for p, _ in h.matches)
-    stride = max(1, -(-total // max_points))
-    parts: list[tuple[FloatArray, ...]] = []
-    for p, q in h.matches:
-        a, b = cam_a.tracks[p], cam_b.tracks[q]
-        rows = np.arange(0, len(a.frames), stride)
-        times = cam_a.stamps[a.frames[rows]] + h.lag_s
-        at = Interpolation(cam_b.stamps[b.frames], times, period=period)
-        x_a, x_b, v_b = a.x[rows], at(b.x), at.rate(b.x)
-        focal = np.sqrt(a.focal[rows] * at(b.focal))
-        good = np.isfinite(x_a).all(-1) & np.isfinite(x_b).all(-1)
-        body_a, body_b = a.joints_cam[rows].mean(1), at(b.joints_cam).mean(1)
+    return _Matched(cameras[h.a], cameras[h.b], h.matches, max_points).at(h.lag_s)
+
+
+class _Matched:
+    """Matched tracks of two cameras, for their key points to be read off at any lag."""
+
+    def __init__(
+        self,
+        cam_a: LiftedCamera,
+        cam_b: LiftedCamera,
+        matches: Sequence[tuple[int, int]],
+        max_points: int,
+    ) -> None:
+        total = sum(cam_a.tracks[p].x.shape[0] * cam_a.tracks[p].x.shape[1] for p, _ in matches)
+        stride = max(1, -(-total // max_points))
+        self.tracks_a = [cam_a.tracks[p] for p, _ in matches]
+        self.tracks_b = [cam_b.tracks[q] for _, q in matches]
+        self.stamps_b = [cam_b.stamps[b.frames] for b in self.tracks_b]
+        self.rows = [np.arange(0, len(a.frames), stride) for a in self.tracks_a]
+        of_a = list(zip(self.tracks_a, self.rows, strict=True))
+        self.times = [cam_a.stamps[a.frames[rows]] for a, rows in of_a]
+        self.period = frame_period(cam_b.stamps)
+        self.x_a = np.concatenate([a.x[rows] for a, rows in of_a])
+        self.focal_a = np.concatenate([a.focal[rows] for a, rows in of_a])
+        self.known_a = np.isfinite(self.x_a).all(-1)
+
+    def at(self, lag_s: float) -> Correspondences:
+        """Key points seen at the same moment if ``t_b - t_a`` is `lag_s`."""
+        between = self._interpolations(lag_s)
+        pieces = list(zip(between, self.tracks_b, strict=True))
+        x_b, v_b = (np.concatenate(c) for c in zip(*(i.both(b.x) for i, b in pieces), strict=True))
+        focal_b = np.concatenate([i(b.focal) for i, b in pieces])
+        good = np.flatnonzero(self.known_a & np.isfinite(x_b).all(-1))
+        x_a, x_b, v_b = (one.reshape(-1, 2)[good] for one in (self.x_a, x_b, v_b))
+        focal = np.sqrt(self.focal_a.ravel()[good] * focal_b.ravel()[good])
+        one, zero = np.ones((len(good), 1)), np.zeros((len(good), 1))
+        return Correspondences(
+            np.hstack([x_a, one]), np.hstack([x_b, one]), np.hstack([v_b, zero]), focal
+        )
+
+    def bodies(self, lag_s: float) -> tuple[FloatArray, FloatArray]:
+        """Middles (K, 3) of the same bodies at the same moments in the two optical frames."""
+        pieces = zip(
+            self.tracks_a, self.rows, self.tracks_b, self._interpolations(lag_s), strict=True
+        )
+        pairs = [
+            (a.joints_cam[rows].mean(1), at(b.joints_cam).mean(1)) for a, rows, b, at in pieces
+        ]
+        body_a, body_b = (np.concatenate(column) for column in zip(*pairs, strict=True))
         both = np.isfinite(body_a + body_b).all(-1)
-        parts.append((x_a[good], x_b[good], v_b[good], focal[good], body_a[both], body_b[both]))
-    x_a, x_b, v_b, focal, body_a, body_b = (np.concatenate(c) for c in zip(*parts, strict=True))
-    one, zero = np.ones((len(x_a), 1)), np.zeros((len(x_a), 1))
-    return Correspondences(
-        np.hstack([x_a, one]), np.hstack([x_b, one]), np.hstack([v_b, zero]), focal, body_a, body_b
-    )
+        return body_a[both], body_b[both]
+
+    def _interpolations(self, lag_s: float) -> list[Interpolation]:
+        return [
+            Interpolation(stamps, times + lag_s, period=self.period)
+            for stamps, times in zip(self.stamps_b, self.times, strict=True)
+        ]
 
 
 def refine_pair(
@@ -116,17 +148,17 @@ def refine_pair(
     PairHypothesis or None
         With `epipolar_px` set; None where too few key points are shared or it diverged.
     """
-    period = frame_period(cameras[h.b].stamps)
-    max_lag_step = 0.0 if synchronised else 2.0 * period
+    matched = _Matched(cameras[h.a], cameras[h.b], h.matches, _MAX_POINTS)
+    max_lag_step = 0.0 if synchronised else 2.0 * matched.period
     damping = 1e-3
-    c = correspondences(cameras, h)
+    c = matched.at(h.lag_s)
     if len(c.x_a) < _MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
         return None
     start = h
     cost, scale = _cost(h, c, start)
     for _ in range(iterations):
         trial = _step(h, c, start, scale, damping, max_lag_step=max_lag_step)
-        c_trial = correspondences(cameras, trial)
+        c_trial = matched.at(trial.lag_s)
         if len(c_trial.x_a) < _MIN_POINTS:
             return None
         if (trial_cost := _cost(trial, c_trial, start, scale)[0]) < cost:
@@ -140,7 +172,8 @@ def refine_pair(
             if damping > 1e3:
                 break
     residual = sampson(hat(h.t_a_b) @ h.R_a_b, c.x_a, c.x_b) * c.focal
-    return replace(_metric_length(h, c), epipolar_px=float(np.median(np.abs(residual))))
+    h = _metric_length(h, *matched.bodies(h.lag_s))
+    return replace(h, epipolar_px=float(np.median(np.abs(residual))))
 
 
 def _cost(
@@ -162,7 +195,7 @@ def _prior_residuals(h: PairHypothesis, start: PairHypothesis) -> tuple[FloatArr
 
 
 def _unit(v: FloatArray) -> FloatArray:
-    return np.asarray(v / np.linalg.norm(v))
+    return np.asarray(v / np.sqrt(v @ v))
 
 
 def _step(
@@ -176,15 +209,16 @@ def _step(
 ) -> PairHypothesis:
     t = _unit(h.t_a_b)
     tangent = np.linalg.svd(t[None])[2][1:]
-    y = c.x_b @ h.R_a_b.T
-    t_y = np.cross(t, y)
     E = hat(t) @ h.R_a_b
-    inverse = c.focal / _sampson_scale(t_y, c.x_a @ E) / scale
-    J_omega = (y @ t)[:, None] * c.x_a - (c.x_a * y).sum(-1)[:, None] * t
-    J_t = np.cross(y, c.x_a) @ tangent.T
-    J_lag = (c.x_a * (c.v_b @ E.T)).sum(-1) * (max_lag_step > 0)
-    J = np.column_stack([J_omega, J_t, J_lag]) * inverse[:, None]
-    r = (c.x_a * t_y).sum(-1) * inverse
+    # Numerator and derivatives are all of the form x_a^T B x_b.
+    forms = np.concatenate([E[None], hat(t) @ hat(np.eye(3)) @ h.R_a_b, hat(tangent) @ h.R_a_b])
+    products = (c.x_a[:, :, None] * c.x_b[:, None, :]).reshape(-1, 9)
+    values = forms.reshape(6, 9) @ products.T
+    inverse = c.focal / _sampson_scale(c.x_b @ E.T, c.x_a @ E) / scale
+    r = values[0] * inverse
+    values[:5] = values[1:]
+    values[5] = (c.x_a * (c.v_b @ E.T)).sum(-1) * (max_lag_step > 0)
+    J = (values * inverse).T
     w = 1.0 / (1.0 + r**2) / _CORRELATED
     turned, moved = _prior_residuals(h, start)
     H = J.T @ (w[:, None] * J)
@@ -205,8 +239,8 @@ def _step(
     )
 
 
-def _metric_length(h: PairHypothesis, c: Correspondences) -> PairHypothesis:
+def _metric_length(h: PairHypothesis, body_a: FloatArray, body_b: FloatArray) -> PairHypothesis:
     """Length and sign of t from where the monocular poses stand."""
     t = _unit(h.t_a_b)
-    along = (c.body_a - c.body_b @ h.R_a_b.T) @ t
+    along = (body_a - body_b @ h.R_a_b.T) @ t
     return replace(h, t_a_b=t * float(np.median(along))) if len(along) else h

@@ -10,23 +10,40 @@ from stcalib_ros.core.types import BoolArray, FloatArray, Intrinsics, LensModel
 
 _MAX_TANGENT = 6.0
 """Bearings beyond about 80 degrees off the axis have no useful image on the plane z = 1."""
+_NEARLY_HALF_TURN = -1.8
+"""Twice the cosine of angles whose axis cannot be read from the skew part of the matrix."""
 
 
 def exp_so3(omega: FloatArray) -> FloatArray:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad."""
-    flat = Rotation.from_rotvec(np.reshape(omega, (-1, 3))).as_matrix()
-    return flat.reshape(*np.shape(omega)[:-1], 3, 3)
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad (Rodrigues)."""
+    omega = np.asarray(omega, dtype=np.float64)
+    angle = np.sqrt((omega**2).sum(-1))[..., None, None]
+    K = hat(omega)
+    half = np.sinc(angle / (2.0 * np.pi))
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * half**2 * (K @ K))
 
 
 def log_so3(R: FloatArray) -> FloatArray:
     """Rotation vectors (..., 3), rad, of rotation matrices (..., 3, 3)."""
-    flat = Rotation.from_matrix(np.reshape(R, (-1, 3, 3))).as_rotvec()
-    return flat.reshape(*np.shape(R)[:-2], 3)
+    skew, cosine2 = _skew(R), np.trace(R, axis1=-2, axis2=-1) - 1.0
+    if (cosine2 < _NEARLY_HALF_TURN).any():
+        flat = Rotation.from_matrix(np.reshape(R, (-1, 3, 3))).as_rotvec()
+        return flat.reshape(*np.shape(R)[:-2], 3)
+    sine2 = np.sqrt((skew**2).sum(-1))
+    angle = np.arctan2(sine2, cosine2)
+    return np.asarray(skew / (2.0 * np.sinc(angle / np.pi))[..., None])
 
 
 def rotation_angle(R: FloatArray) -> FloatArray:
     """Riemannian distance of rotations (..., 3, 3) from the identity, rad."""
-    skew = np.stack(
+    sine2 = np.sqrt((_skew(R) ** 2).sum(-1))
+    angle: FloatArray = np.arctan2(sine2, np.trace(R, axis1=-2, axis2=-1) - 1.0)
+    return angle
+
+
+def _skew(R: FloatArray) -> FloatArray:
+    """Twice the sine of the angle along the axis (..., 3) of rotations (..., 3, 3)."""
+    return np.stack(
         [
             R[..., 2, 1] - R[..., 1, 2],
             R[..., 0, 2] - R[..., 2, 0],
@@ -34,10 +51,6 @@ def rotation_angle(R: FloatArray) -> FloatArray:
         ],
         -1,
     )
-    sine2 = np.linalg.norm(skew, axis=-1)
-    cosine2 = np.trace(R, axis1=-2, axis2=-1) - 1.0
-    angle: FloatArray = np.arctan2(sine2, cosine2)
-    return angle
 
 
 def quaternion_from_matrix(R: FloatArray) -> FloatArray:

@@ -123,11 +123,15 @@ class Interpolation:
         u = np.where(self.inside, self.fraction, np.nan).reshape(-1, *[1] * (values.ndim - 1))
         return np.asarray((1 - u) * values[self.before] + u * values[self.after])
 
-    def rate(self, values: FloatArray) -> FloatArray:
-        """Time derivative (N, ...) of the interpolated values, per second."""
-        span = np.where(self.inside, self.interval, np.nan)
-        difference = values[self.after] - values[self.before]
-        return np.asarray(difference / span.reshape(-1, *[1] * (values.ndim - 1)))
+    def both(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Values (N, ...) at the wanted times, and their time derivative, per second."""
+        shape = (-1, *[1] * (values.ndim - 1))
+        before = values[self.before]
+        difference = values[self.after] - before
+        difference *= np.where(self.inside, 1.0, np.nan).reshape(shape)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            per_second = 1.0 / self.interval.reshape(shape)
+            return before + self.fraction.reshape(shape) * difference, difference * per_second
 
 
 def common_step(cameras: Sequence[LiftedCamera]) -> float:

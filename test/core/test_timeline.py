@@ -29,7 +29,7 @@ def test_linear_signals_are_exact(seed, slope, value):
     at = Interpolation(stamps, times, period=1.0)
     signal = value + slope * stamps[:, None]
     np.testing.assert_allclose(at(signal), value + slope * times[:, None], atol=1e-9)
-    np.testing.assert_allclose(at.rate(signal), slope, atol=1e-9)
+    np.testing.assert_allclose(at.both(signal)[1], slope, atol=1e-9)
 
 
 def test_samples_themselves_are_returned():
@@ -44,7 +44,7 @@ def test_gaps_are_not_bridged_and_nothing_is_known_outside():
     at = Interpolation(stamps, times, period=1.0)
     expected = [np.nan, 0.5, 1.5, np.nan, np.nan, np.nan, 5.5, np.nan]
     np.testing.assert_allclose(at(stamps), expected)
-    np.testing.assert_array_equal(np.isfinite(at.rate(stamps)), np.isfinite(expected))
+    np.testing.assert_array_equal(np.isfinite(at.both(stamps)[1]), np.isfinite(expected))
 
 
 def test_an_unknown_sample_makes_its_neighbourhood_unknown():
@@ -56,7 +56,7 @@ def test_an_unknown_sample_makes_its_neighbourhood_unknown():
 def test_one_sample_is_no_interval(time):
     at = Interpolation(np.array([1.0]), np.array([time]), period=1.0)
     assert np.isnan(at(np.array([5.0]))).all()
-    assert np.isnan(at.rate(np.array([5.0]))).all()
+    assert np.isnan(at.both(np.array([5.0]))[1]).all()
 
 
 def test_the_frame_period_is_that_of_most_images(rng):
