@@ -71,7 +71,8 @@ def check_ros2(words: list[str]) -> None:
         check_interface(interface)
     elif words[0] == "launch":
         text = (ROOT / "launch" / words[2]).read_text()
-        assert f'DeclareLaunchArgument("{words[3].partition(":=")[0]}"' in text
+        name = words[3].partition(":=")[0]
+        assert re.search(rf'DeclareLaunchArgument\(\s*"{name}"', text)
     elif words[2] in ("calibrator", "restamp"):
         assert words[1:] == [*words[1:3], "--ros-args", "--params-file", f"{words[2]}.yaml"]
     else:
