@@ -47,6 +47,8 @@ class Run:
         None where there is nothing to compare.
     failure : str
         Why the scene is not solved; empty if it is.
+    wrong : bool
+        It was given out as good, and is not.
     """
 
     scenario: str
@@ -54,6 +56,7 @@ class Run:
     cpu_s: float
     evaluation: Evaluation | None
     failure: str
+    wrong: bool = False
 
 
 def run_scene(scenario: Scenario, index: int) -> Run:
@@ -61,9 +64,8 @@ def run_scene(scenario: Scenario, index: int) -> Run:
     options = scenario.scene_options(index)
     scene = simulate(options, clips=shipped_clips())
     outcome = run_calibration(scene.recording)
-    return judged(
-        outcome, scene.truth, name=scenario.name, seed=options.seed, fps=options.rates(1)[0]
-    )
+    fps = options.rates(options.n_cameras)[0]
+    return judged(outcome, scene.truth, name=scenario.name, seed=options.seed, fps=fps)
 
 
 def run_calibration(recording: Recording) -> Outcome:
@@ -97,5 +99,6 @@ def judged(
     reasons = {camera.name: camera.reason for camera in found.uncalibrated}
     wrong += [f"{camera}: {reasons.get(camera, 'missing')}" for camera in evaluation.missing]
     values = {error: getattr(evaluation, error) for error in bounds}
-    wrong += [f"{n} {v:.3g}" for n, v in values.items() if not v <= bounds[n]]
-    return Run(name, seed, outcome.cpu_s, evaluation, ", ".join(wrong))
+    off = [f"{n} {v:.3g}" for n, v in values.items() if not v <= bounds[n]]
+    is_wrong = found.status is Status.OK and bool(off)
+    return Run(name, seed, outcome.cpu_s, evaluation, ", ".join(wrong + off), is_wrong)

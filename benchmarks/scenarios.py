@@ -28,6 +28,8 @@ class Scenario:
         Least share of scenes to be solved.
     medians : mapping of str to float
         Largest medians of the errors.
+    may_refuse : bool
+        To refuse such a scene is as good as to solve it.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Scenario:
     n_scenes: int
     success: Fraction
     medians: Mapping[str, float] = field(default_factory=dict)
+    may_refuse: bool = False
 
     def scene_options(self, index: int) -> SceneOptions:
         """Options of one scene."""
@@ -83,5 +86,57 @@ SCENARIOS = (
         10,
         Fraction(9, 10),
     ),
+    Scenario("short", "two seconds", SceneOptions(seed=5000, n_frames=60), 30, Fraction(28, 30)),
+    Scenario(
+        "gesturing",
+        "two people who stand and gesture, five seconds",
+        SceneOptions(seed=6000, n_people=2, people="gesturing", n_frames=150),
+        30,
+        Fraction(28, 30),
+        may_refuse=True,
+    ),
+    Scenario(
+        "rates",
+        "the default scenes at 30, 25, 60 and 30 fps, 10 % of images lost, 5 ms of jitter",
+        SceneOptions(seed=1000, fps=(30.0, 25.0, 60.0, 30.0), drop_rate=0.1, stamp_jitter_s=0.005),
+        20,
+        Fraction(19, 20),
+    ),
 )
 """The scenes of the level, in the order of the table."""
+
+HARD = (
+    Scenario(
+        "poor poses",
+        "3D poses that are off by 110 mm, and two seconds only",
+        SceneOptions(seed=7000, n_people=2, n_frames=60, lifter_mm=(110.0, 110.0)),
+        50,
+        Fraction(1),
+        may_refuse=True,
+    ),
+    Scenario(
+        "alike",
+        "two people who move alike, to the frame",
+        SceneOptions(seed=7100, n_people=2, people="alike", n_frames=90),
+        50,
+        Fraction(1),
+        may_refuse=True,
+    ),
+    Scenario(
+        "moments",
+        "one second",
+        SceneOptions(seed=7200, n_people=2, n_frames=30),
+        50,
+        Fraction(1),
+        may_refuse=True,
+    ),
+    Scenario(
+        "glimpses",
+        "two people, each seen by a camera a quarter of the time",
+        SceneOptions(seed=7300, n_people=2, n_frames=150, missing=0.75),
+        50,
+        Fraction(1),
+        may_refuse=True,
+    ),
+)
+"""Scenes that can often not be solved, and must not be got wrong."""

@@ -50,10 +50,18 @@ class Observations:
     step_s: float
 
     def every_joint(self, n: int) -> Observations:
-        """The same with every n-th joint only."""
+        """The same with every n-th joint only; a copy, so that the others can be forgotten."""
         return replace(
-            self, x=self.x[:, :, ::n], focal=self.focal[:, :, ::n], seen=self.seen[:, :, ::n]
+            self,
+            x=self.x[:, :, ::n].copy(),
+            focal=self.focal[:, :, ::n].copy(),
+            seen=self.seen[:, :, ::n].copy(),
         )
+
+    def only(self, rows: IntArray | BoolArray) -> Observations:
+        """The same with some rows only."""
+        names = ("person", "knot", "track", "phi", "x", "focal", "seen")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
 def observe(

@@ -21,6 +21,8 @@ from stcalib_ros.core.checks import (
 )
 from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.errors import Cancelled
+from stcalib_ros.core.final.clock_rate import with_clock_rates
+from stcalib_ros.core.final.refine import refine
 from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import Options
@@ -69,7 +71,8 @@ class Stages:
     rigs : tuple of Rig
         Of the multi-view integration (MI), best first.
     rounds : tuple of Round
-        Of the adjustment: the first is STBA, the last ISTBA.
+        Of the adjustment, the first and the last two: the first is STBA, the others ISTBA; where
+        key points lean one way, one more without that.
     calibration : Calibration
     placement : Placement or None
         How the calibration lies in the world; None without cameras.
@@ -215,9 +218,9 @@ class _Run:
         complaint = None if rival is None else self._rivalry(start, rival)
         while True:
             self.rounds = self._iterate(start)
+            covariance = self._refine()
             last = self.rounds[-1]
             self.tick("quality", 0.0)
-            covariance = pose_covariance(last.observations, last.state)
             found = self._evidence(last, covariance)
             bad = [i for i, e in enumerate(found) if e.complaint() is not None]
             if not bad or complaint or 2 * len(bad) >= len(found):
@@ -369,6 +372,19 @@ class _Run:
             if not isinstance(result, Unconnected):
                 return result
             start = self._start(self._largest(start.rig, result))
+
+    def _refine(self) -> FloatArray:
+        """Adjust with the biases of the key points and clock rates; covariance of the result."""
+        bundle = self.options.bundle
+        self._tick_round(1.0, self.rounds[-1])
+        refined = refine(self.lifted, self.rounds[-1], self.skeleton.layout, bundle)
+        if refined is not None:
+            self.rounds += (refined.round,)
+        last = with_clock_rates(self.rounds[-1], bundle)
+        self.rounds = (*self.rounds[:-1], last)
+        if refined is not None:
+            return refined.covariance
+        return pose_covariance(last.observations, last.state)
 
     def _tick_round(self, fraction: float, before: Round) -> None:
         if self.adjusted is not None:

@@ -124,10 +124,6 @@ class Interpolation:
         u = np.where(self.inside, self.fraction, np.nan).reshape(-1, *[1] * (values.ndim - 1))
         return np.asarray((1 - u) * values[self.before] + u * values[self.after])
 
-    def rate(self, values: FloatArray) -> FloatArray:
-        """Time derivative (N, ...) of the interpolated values, per second."""
-        return self.both(values)[1]
-
     def both(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values (N, ...) at the wanted times, and their time derivative, per second."""
         shape = (-1, *[1] * (values.ndim - 1))

@@ -83,9 +83,28 @@ def convert_npz(path: Path | str, options: ConvertOptions | None = None) -> Conv
     InputError
         The file cannot be read, lacks an array or has no 3D poses, or an option does not fit it.
     """
-    options = options or ConvertOptions()
     path = Path(path)
-    arrays = _load(path)
+    return convert_arrays(path, _load(path), options)
+
+
+def convert_arrays(path: Path, arrays: Arrays, options: ConvertOptions | None = None) -> Converted:
+    """Make recording and truth of the arrays of a multi-view file, wherever they come from.
+
+    Parameters
+    ----------
+    path : Path
+        The source, for messages.
+    arrays : mapping of str to ndarray
+        As in `convert_npz`; the 3D poses are in metres unless ``metric`` is there and false.
+    options : ConvertOptions, optional
+
+    Raises
+    ------
+    InputError
+        An array has another shape than the others ask for, or an option does not fit.
+    """
+    options = options or ConvertOptions()
+    _require_shapes(path, arrays)
     names = [str(n) for n in arrays["camera_names"]]
     _require_cameras(path, names, options)
     layout = _layout(path, arrays, options.layout)
@@ -105,7 +124,7 @@ def convert_npz(path: Path | str, options: ConvertOptions | None = None) -> Conv
             layout=layout,
             stamps=(start_ns + true_ns + round(shifts[c] * NS)) / NS,
             tracks=_tracks(arrays, c),
-            metric=True,
+            metric=bool(arrays.get("metric", True)),
         )
         for c, name in enumerate(names)
     )
@@ -133,7 +152,6 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
             f"{path} has no 3D poses (det_kp3d): the calibration needs the monocular 3D pose of "
             "every detection; run a lifter on its 2D poses first"
         )
-    _require_shapes(path, arrays)
     return arrays
 
 

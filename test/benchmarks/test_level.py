@@ -103,3 +103,26 @@ def test_command(play, capsys):
     (only,) = json.loads(capsys.readouterr().out)
     assert only["name"] == "one"
     assert only["runs"][0]["evaluation"]["E_R"] == 0
+
+
+def test_what_is_given_out_as_good_and_is_not_is_counted(play):
+    def late(truth):
+        cameras = [
+            replace(c, time_offset_s=c.time_offset_s + 0.1 * k) for k, c in enumerate(truth.cameras)
+        ]
+        return replace(truth, cameras=tuple(cameras))
+
+    play(late)
+    assert verdicts(section().rows)["wrong, but OK"] is False
+    play(lambda truth: replace(late(truth), status=Status.DEGENERATE))
+    assert verdicts(section().rows)["wrong, but OK"] is True
+
+
+def test_to_refuse_is_right_where_it_may_be(play):
+    def refuse(_):
+        raise CalibrationError("nobody moves")
+
+    play(refuse)
+    hard = replace(SCENARIO, may_refuse=True)
+    rows = level.summary(hard, [measure.run_scene(hard, 0)]).rows
+    assert verdicts(rows)["solved"] is True

@@ -57,7 +57,7 @@ def test_a_repeated_clip_has_no_seam(clip):
     assert speed.max() < 1.6 * recorded.max() + 1.0
 
 
-@pytest.mark.parametrize("kind", ["mocap", "procedural", "gesturing", "standing"])
+@pytest.mark.parametrize("kind", ["mocap", "procedural", "gesturing", "standing", "alike"])
 def test_bones_keep_their_length_and_feet_stay_near_the_floor(kind):
     for person in people_of(kind):
         joints = person(SECONDS)
@@ -137,3 +137,12 @@ def test_standard_body_is_of_human_size():
     lengths = standard_lengths()
     leg = lengths[LAYOUT.index("left_knee")] + lengths[LAYOUT.index("left_ankle")]
     assert 0.75 < leg < 0.95
+
+
+def test_people_who_are_alike_differ_by_where_they_are():
+    times = np.linspace(0.0, 10.0, 50)
+    one, other = people_of("alike")[:2]
+    apart = other(times) - one(times)
+    np.testing.assert_allclose(apart, np.broadcast_to(apart[0, 0], apart.shape), atol=1e-9)
+    assert np.linalg.norm(apart[0, 0, :2]) > 0.1
+    assert abs(apart[0, 0, 2]) < 1e-9

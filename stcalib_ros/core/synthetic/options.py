@@ -21,7 +21,8 @@ class SceneOptions:
         `n_frames` is the length of a recording in frames of the first camera.
     people : str
         "mocap" (procedural where no clips are given), "procedural" (walking, with stops),
-        "standing" (nobody moves at all) or "gesturing" (at one place).
+        "standing" (nobody moves at all), "gesturing" (at one place) or "alike" (everybody as the
+        first, to the frame).
     area_radius_m : float
         People stay within about this of the middle.
     fps : float or tuple of float

@@ -18,7 +18,7 @@ from stcalib_ros.core.types import FloatArray
 _SAMPLES_PER_S = 60
 _LOCOMOTION_SHARE = 0.4
 
-PEOPLE = ("mocap", "procedural", "standing", "gesturing")
+PEOPLE = ("mocap", "procedural", "standing", "gesturing", "alike")
 """Kinds of motion there are."""
 
 
@@ -75,9 +75,18 @@ def make_people(
         pauses=isinstance(bodies[0], ProceduralMotion),
         turning=0.0 if kind == "standing" else 1.0,
     )
-    return tuple(
+    people = tuple(
         _placed(child_rng(rng), body, times, paths, person) for person, body in enumerate(bodies)
     )
+    return _alike(people, times) if kind == "alike" else people
+
+
+def _alike(people: Sequence[PersonMotion], times: FloatArray) -> tuple[PersonMotion, ...]:
+    """All move as the first one does, each from where he begins."""
+    first = people[0](times)
+    begin = [person(times[:1])[0, 0] * [1.0, 1.0, 0.0] for person in people]
+    moved = [(first + place - begin[0]).reshape(len(times), -1) for place in begin]
+    return tuple(PersonMotion(CubicSpline(times, path), people[0].lengths) for path in moved)
 
 
 def _body(
@@ -87,7 +96,7 @@ def _body(
         return ProceduralMotion(rng, speed=0.0, liveliness=0.0)
     if kind == "gesturing":
         return ProceduralMotion(rng, speed=0.0, liveliness=1.0)
-    if kind == "procedural" or not clips:
+    if kind in ("procedural", "alike") or not clips:
         return ProceduralMotion(rng, speed=rng.uniform(0.7, 1.3), liveliness=rng.uniform(0.1, 0.4))
     wanted = rng.uniform() < _LOCOMOTION_SHARE
     pool = [c for c in clips if c.locomotion == wanted] or list(clips)

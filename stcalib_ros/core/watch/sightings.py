@@ -245,9 +245,10 @@ def _sightings(
                 continue
             at = Interpolation(camera.stamps[track.frames], times, period=period)
             points = np.concatenate([track.x[:, joints], _ones(track.x[:, joints])], -1)
+            places, rates = at.both(points)
             for out, values in (
-                (x, at(points)),
-                (v, at.rate(points)),
+                (x, places),
+                (v, rates),
                 (focal, at(track.focal[:, joints])),
                 (body, _body(camera, track.joints_cam, track.frames, times)),
             ):

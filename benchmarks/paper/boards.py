@@ -1,0 +1,124 @@
+"""Checkerboards held in front of pairs of cameras, as in the paper's Table IV."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from benchmarks.paper.point_bundle import PointViews
+from stcalib_ros.core.geometry import bearings
+from stcalib_ros.core.synthetic import Rig
+from stcalib_ros.core.synthetic.rigs import image_of
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+
+CORNERS = (8, 6)
+SQUARE_M = 0.06
+_GRAZING = 0.25
+"""Least cosine between the normal and the view: flatter views are not detected in practice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardShots:
+    """Boards that were shown to pairs of cameras; every board is seen by two cameras at least.
+
+    Attributes
+    ----------
+    pair : (B, 2) ndarray of int
+        For which cameras the board was held up.
+    corners_board : (J, 3) ndarray
+        In the frame of the board, metres.
+    pixels : (B, C, J, 2) ndarray
+        With noise; NaN where a camera does not see the whole board.
+    views : PointViews
+        The same points undistorted.
+    """
+
+    pair: IntArray
+    corners_board: FloatArray
+    pixels: FloatArray
+    views: PointViews
+
+    @property
+    def seen(self) -> BoolArray:
+        """Which camera sees which board, (B, C)."""
+        return np.asarray(np.isfinite(self.pixels).all((2, 3)))
+
+    def for_pair(self, a: int, b: int) -> IntArray:
+        """Numbers of the boards that were held up for a pair of cameras."""
+        return np.flatnonzero((self.pair == (a, b)).all(1))
+
+    def of_pairs_only(self) -> PointViews:
+        """Views without the cameras that happened to see a board of another pair."""
+        keep = np.zeros_like(self.seen)
+        np.put_along_axis(keep, self.pair, True, axis=1)
+        seen = self.views.seen & keep[:, :, None]
+        return PointViews(np.where(seen[..., None], self.views.x, 0.0), seen, self.views.focal)
+
+
+def show_boards(
+    rng: np.random.Generator,
+    rig: Rig,
+    *,
+    per_pair: int = 10,
+    sigma_px: float = 0.5,
+    reach_m: float = 1.5,
+) -> BoardShots:
+    """Hold up boards at random where both cameras of a pair see all of them.
+
+    A board is transparent, its corners can be seen from behind: no pair of opposite cameras
+    would otherwise see one. Corners: 8 x 6, 60 mm apart; the paper does not say.
+
+    Parameters
+    ----------
+    rng : Generator
+    rig : Rig
+        In a world with z up and the people's area around the origin.
+    per_pair : int
+    sigma_px : float
+        Noise of a corner, per axis.
+    reach_m : float
+        Boards are within this of the middle of the area.
+    """
+    flat = np.indices(CORNERS).reshape(2, -1).T * SQUARE_M
+    corners = np.column_stack([flat - flat.mean(0), np.zeros(len(flat))])
+    pairs, pixels = [], []
+    for a in range(len(rig.names)):
+        for b in range(a + 1, len(rig.names)):
+            for _ in range(per_pair):
+                pairs.append((a, b))
+                pixels.append(_board_seen_by(rng, rig, (a, b), corners, reach_m))
+    clean = np.stack(pixels)
+    noisy = clean + sigma_px * rng.standard_normal(clean.shape)
+    return BoardShots(np.array(pairs), corners, noisy, _undistorted(noisy, rig))
+
+
+def _board_seen_by(
+    rng: np.random.Generator, rig: Rig, pair: tuple[int, int], corners: FloatArray, reach: float
+) -> FloatArray:
+    """Pixels (C, J, 2) of a random board that both cameras see; NaN for those who do not."""
+    while True:
+        direction = rng.standard_normal(3)
+        middle = reach * rng.uniform() ** (1 / 3) * direction / np.linalg.norm(direction)
+        R_world_board = Rotation.random(random_state=rng).as_matrix()
+        points = corners @ R_world_board.T + middle + [0.0, 0.0, 1.0]
+        seen = np.stack(
+            [_pixels(points, R_world_board[:, 2], rig, c) for c in range(len(rig.R_cam_world))]
+        )
+        if np.isfinite(seen[list(pair)]).all():
+            return seen
+
+
+def _pixels(points: FloatArray, normal: FloatArray, rig: Rig, c: int) -> FloatArray:
+    ray = points.mean(0) - rig.centres_world[c]
+    out = image_of(points @ rig.R_cam_world[c].T + rig.t_cam_world[c], rig.intrinsics[c])
+    facing = abs(normal @ ray) >= _GRAZING * np.linalg.norm(ray)
+    return out if facing and np.isfinite(out).all() else np.full_like(out, np.nan)
+
+
+def _undistorted(pixels: FloatArray, rig: Rig) -> PointViews:
+    x = np.stack([bearings(pixels[:, c], rig.intrinsics[c])[0] for c in range(pixels.shape[1])], 1)
+    seen: BoolArray = np.asarray(np.isfinite(x).all(-1))
+    focal = np.array([np.sqrt(lens.K[0, 0] * lens.K[1, 1]) for lens in rig.intrinsics])
+    return PointViews(np.where(seen[..., None], x, 0.0), seen, focal)

@@ -1,0 +1,239 @@
+"""What all data sets come to: cameras, and the people that are known to be there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.synthetic.rigs import image_of
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray, Intrinsics, LensModel
+
+_MIN_JOINTS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class DatasetOptions:
+    """Which part of a data set is read, and where its poses come from.
+
+    Attributes
+    ----------
+    cameras : tuple of str
+        Their names or numbers in the data set, in the order of the result; none: all.
+    first, last : int
+        Frames by the numbering of the data set, both included; `last` below 0: to the end.
+    poses : Path or None
+        Folder with the poses of a detector and a lifter (see `alphapose.pose_detections`).
+    sigma_px : float
+        Noise put on the true joints where there are no `poses`, px per axis.
+    seed : int
+        Of that noise.
+    """
+
+    cameras: tuple[str, ...] = ()
+    first: int = 0
+    last: int = -1
+    poses: Path | None = None
+    sigma_px: float = 3.0
+    seed: int = 0
+
+    def has(self, frame: int) -> bool:
+        """Whether a frame is to be read."""
+        return frame >= self.first and (self.last < 0 or frame <= self.last)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dataset:
+    """A scene as a data set describes it.
+
+    Attributes
+    ----------
+    path : Path
+    names : tuple of str
+        Cameras.
+    image_size : (C, 2) ndarray of int
+    K : (C, 3, 3) ndarray
+    dist : (C, 5) ndarray
+    R, t : (C, 3, 3), (C, 3) ndarray
+        ``x_cam = R x_world + t``, metres.
+    fps : float
+        NaN where the data set does not say.
+    frame_number : (F,) ndarray of int
+        Increasing.
+    joint_names : tuple of str
+        Of `joints_world`; none: there are no 3D poses.
+    joints_world : (F, P, J, 3) ndarray
+        True joints, metres; NaN where unknown.
+    boxes : (N, 7) ndarray
+        Index of the frame, index of the camera, person, left, top, right, bottom (px).
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    image_size: IntArray
+    K: FloatArray
+    dist: FloatArray
+    R: FloatArray
+    t: FloatArray
+    fps: float
+    frame_number: IntArray
+    joint_names: tuple[str, ...]
+    joints_world: FloatArray
+    boxes: FloatArray
+
+    def lens(self, c: int) -> Intrinsics:
+        """Lens of camera c."""
+        width, height = (int(n) for n in self.image_size[c])
+        return Intrinsics(width, height, LensModel.PLUMB_BOB, self.K[c], self.dist[c])
+
+    def in_camera(self, c: int) -> FloatArray:
+        """True joints (F, P, J, 3) in the frame of camera c."""
+        return np.asarray(self.joints_world @ self.R[c].T + self.t[c])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detections:
+    """Detected poses.
+
+    Attributes
+    ----------
+    frame, camera, track, person : (N,) ndarray of int
+        Indices; tracks are of one camera; person -1: unknown.
+    kp2d : (N, J, 3) ndarray
+        x, y in px and score; 0, 0, 0 where not detected.
+    kp3d : (N, J, 3) ndarray
+        Monocular pose in the axes of the camera.
+    joint_names : tuple of str
+    metric : bool
+        `kp3d` is in metres.
+    """
+
+    frame: IntArray
+    camera: IntArray
+    track: IntArray
+    person: IntArray
+    kp2d: FloatArray
+    kp3d: FloatArray
+    joint_names: tuple[str, ...]
+    metric: bool
+
+
+def noisy_detections(dataset: Dataset, sigma_px: float, rng: np.random.Generator) -> Detections:
+    """True joints in each camera with Gaussian noise of `sigma_px` per axis in the image.
+
+    The paper's "Robustness to Noise": key points and 3D poses are of the same noisy points, and
+    every person is one track.
+    """
+    parts = [_noisy_camera(dataset, c, sigma_px, rng) for c in range(len(dataset.names))]
+    frame, camera, person, kp2d, kp3d = (np.concatenate(p) for p in zip(*parts, strict=True))
+    names = dataset.joint_names
+    return Detections(frame, camera, person, person, kp2d, kp3d, names, metric=True)
+
+
+def _noisy_camera(
+    dataset: Dataset, c: int, sigma_px: float, rng: np.random.Generator
+) -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
+    lens, points = dataset.lens(c), dataset.in_camera(c)
+    metres = sigma_px * np.abs(points[..., 2:]) / np.sqrt(lens.K[0, 0] * lens.K[1, 1])
+    points = points + metres * rng.standard_normal(points.shape)
+    pixels = image_of(points, lens)
+    seen: BoolArray = np.asarray(np.isfinite(pixels).all(-1))
+    scored = np.concatenate([np.nan_to_num(pixels), np.ones_like(pixels[..., :1])], -1)
+    frame, person = np.nonzero(seen.sum(-1) >= _MIN_JOINTS)
+    kp2d = np.where(seen[frame, person][:, :, None], scored[frame, person], 0.0)
+    return frame, np.full_like(frame, c), person, kp2d, points[frame, person]
+
+
+def arrays_of(dataset: Dataset, detections: Detections) -> dict[str, NDArray[Any]]:
+    """Arrays of a multi-view file."""
+    return {
+        "camera_names": np.array(dataset.names),
+        "image_size": dataset.image_size,
+        "K": dataset.K,
+        "dist": dataset.dist,
+        "R": dataset.R,
+        "t": dataset.t,
+        "fps": np.array(dataset.fps),
+        "frame_number": dataset.frame_number,
+        "det_frame": detections.frame,
+        "det_camera": detections.camera,
+        "det_track": detections.track,
+        "det_person": detections.person,
+        "det_kp2d": detections.kp2d,
+        "det_kp3d": detections.kp3d,
+        "kp_names": np.array(detections.joint_names),
+        "kp3d_names": np.array(detections.joint_names),
+        "metric": np.array(detections.metric),
+    }
+
+
+def read_json(path: Path) -> Any:
+    """Content of a JSON file.
+
+    Raises
+    ------
+    InputError
+        It cannot be read.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"no such file: {path}") from None
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise InputError(f"{path} is no valid JSON: {error}") from error
+
+
+def chosen(path: Path, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
+    """Positions of the wanted cameras; all where none is named.
+
+    A camera can also be named by the number at the end of its name: 12 for ``00_12``.
+
+    Raises
+    ------
+    InputError
+        There is no such camera.
+    """
+    if not wanted:
+        return list(range(len(names)))
+    by_number = {str(int(n.rpartition("_")[2])): n for n in names if n.rpartition("_")[2].isdigit()}
+    found = [w if w in names else by_number.get(str(int(w)) if w.isdigit() else w) for w in wanted]
+    if missing := [w for w, f in zip(wanted, found, strict=True) if f is None]:
+        raise InputError(f"{path} has no camera {', '.join(missing)}: there are {', '.join(names)}")
+    return [names.index(str(f)) for f in found]
+
+
+def numbered(folder: Path, pattern: str, options: DatasetOptions) -> dict[int, Path]:
+    """Files by the frame number that their name ends with; only the frames to be read.
+
+    Raises
+    ------
+    InputError
+        There are none.
+    """
+    files: dict[int, Path] = {}
+    for path in sorted(folder.glob(pattern)):
+        digits = path.stem.rpartition("_")[2] if "_" in path.stem else path.stem
+        digits = digits.removeprefix("body3DScene")
+        if digits.isdigit() and options.has(int(digits)):
+            files[int(digits)] = path
+    if not files:
+        raise InputError(f"no {pattern} with a wanted frame number in {folder}")
+    return files
+
+
+def stacked_people(frames: Sequence[dict[int, FloatArray]], n_joints: int) -> FloatArray:
+    """Joints (F, P, J, 3) of people by id in each frame; P are all ids, in order."""
+    ids = sorted({i for people in frames for i in people})
+    out = np.full((len(frames), len(ids), n_joints, 3), np.nan)
+    for f, people in enumerate(frames):
+        for i, joints in people.items():
+            out[f, ids.index(i)] = joints
+    return out
