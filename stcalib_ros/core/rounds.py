@@ -21,6 +21,7 @@ _FLOOR_PX = 8.0
 _FINAL_TOLERANCE = 0.05
 _TOLERANCE = 1.0
 _MAX_POINTS_FIRST = 5000
+_MAX_POINTS_BETWEEN = 10_000
 _ENOUGH_SLOTS = 12
 _MIN_SHARED_POINTS = 100
 _MIN_SHARE = 0.1
@@ -159,7 +160,7 @@ def first_round(
 def next_round(
     cameras: Sequence[LiftedCamera], before: Round, o: BundleOptions, *, step_s: float, last: bool
 ) -> Round | Unconnected:
-    """Associate again, adjust without the outliers; the last time on everything."""
+    """Associate again, adjust without the outliers; on a part of everything until the last."""
     rig = before.rig
     every = 1 if last else _every_slot(cameras, rig, step_s)
     association = associate(cameras, rig, step_s=step_s, floor_px=_FLOOR_PX, every=every)
@@ -168,6 +169,7 @@ def next_round(
         *(cameras, rig, association, o, step_s),
         tolerance=tolerance,
         every_slot=every,
+        max_points=None if last else _MAX_POINTS_BETWEEN,
         drop=True,
         last=last,
     )
