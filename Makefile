@@ -14,6 +14,7 @@ ROS := source scripts/activate.sh $(ROS_DISTRO)
 help:
 	@echo "make demo     calibrate four real cameras from a recording, with a picture (no ROS needed)"
 	@echo "make level    print what accuracy simulated scenes and the demo recording reach"
+	@echo "make speed    print CPU seconds, memory and how they grow, beside their targets"
 	@echo "make test     lint and test everything, with real ROS 2 (ROS_DISTRO=jazzy or kilted)"
 	@echo "make lint     ruff and mypy"
 	@echo "make env      set up ROS 2 and build the package; then: source scripts/activate.sh"
@@ -26,6 +27,10 @@ demo:
 level:
 	@scripts/setup.sh core
 	@.venv/bin/python -m benchmarks.level --demo
+
+speed:
+	@scripts/setup.sh core
+	@.venv/bin/python -m benchmarks.speed
 
 test: lint env
 	@$(ROS) && python -m pytest $(PYTEST_ARGS)
