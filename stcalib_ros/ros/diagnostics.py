@@ -56,11 +56,6 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
         lacking.append(f"waits for poses, {ago}: {publishers}")
     elif counts.dropped and not counts.images:
         lacking.append(f"sends nothing that can be used: {counts.last_problem}")
-    elif counts.blind:
-        lacking.append(
-            f"sends persons without one key point that is a number on {camera.pose_topic}; check "
-            "the pose estimator's output"
-        )
     if not counts.has_info:
         publishers = publishers_of(node, camera.info_topic, CAMERA_INFO)
         lacking.append(f"waits for CameraInfo: {publishers}")
@@ -87,7 +82,7 @@ def publishers_of(node: Any, topic: str, wanted: str = "") -> str:
         for i in infos
     ]
     mismatch = wanted and all(i.topic_type != wanted for i in infos)
-    not_wanted = f", but nobody publishes a {wanted}" if mismatch else ""
+    not_wanted = f", but not as {wanted}" if mismatch else ""
     return f"{name} is published by {', '.join(described)}{not_wanted}"
 
 
