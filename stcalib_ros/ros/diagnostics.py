@@ -56,6 +56,11 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
         lacking.append(f"waits for poses, {ago}: {publishers}")
     elif counts.dropped and not counts.images:
         lacking.append(f"sends nothing that can be used: {counts.last_problem}")
+    elif counts.blind:
+        lacking.append(
+            f"sends persons without one key point that is a number on {camera.pose_topic}; check "
+            "the pose estimator's output"
+        )
     if not counts.has_info:
         publishers = publishers_of(node, camera.info_topic, CAMERA_INFO)
         lacking.append(f"waits for CameraInfo: {publishers}")
@@ -82,7 +87,7 @@ def publishers_of(node: Any, topic: str, wanted: str = "") -> str:
         for i in infos
     ]
     mismatch = wanted and all(i.topic_type != wanted for i in infos)
-    not_wanted = f", but not as {wanted}" if mismatch else ""
+    not_wanted = f", but nobody publishes a {wanted}" if mismatch else ""
     return f"{name} is published by {', '.join(described)}{not_wanted}"
 
 
@@ -91,8 +96,8 @@ def camera_status(
 ) -> Any:
     """Status of one camera.
 
-    One that is starved, or for which the calibration does not hold any more, is an error; one that
-    drops messages or sends nothing but NaN a warning.
+    One that is starved, sends nothing of use, or for which the calibration does not hold any more,
+    is an error; one that drops messages a warning.
     """
     level, message = DiagnosticStatus.OK, "receiving"
     if lack:
@@ -100,8 +105,6 @@ def camera_status(
     elif verdict is not None and verdict.state.alarm:
         level = DiagnosticStatus.ERROR if verdict.state.changed else DiagnosticStatus.WARN
         message = verdict.sentence()
-    elif counts.blind:
-        level, message = DiagnosticStatus.WARN, "persons, but not one key point is a number"
     elif counts.dropped:
         level, message = DiagnosticStatus.WARN, f"dropped messages: {counts.last_problem}"
     values = {
