@@ -72,6 +72,21 @@ def method_options(method: str, *, ransac: bool, n_starts: int = 10) -> Options:
     return Options(registration=RegistrationOptions(method=method), vmf=vmf)
 
 
+class _Observed:
+    """A scene with its poses lifted, once for each method."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._views: dict[str, Views] = {}
+
+    def views(self, options: Options) -> Views:
+        """All cameras as the method of the options sees them."""
+        method = options.registration.method
+        if method not in self._views:
+            self._views[method] = lift_views(self.scene.recording, options)
+        return self._views[method]
+
+
 def noise_tasks(
     name: str, sigmas: Sequence[float], n_observations: int, n_initial: int
 ) -> list[Task]:
@@ -85,7 +100,7 @@ def noise_tasks(
 
 def noise_rows(name: str, sigma_px: float, trial: int, n_initial: int) -> list[Row]:
     """All methods on one noisy observation, clocks known; all pairs."""
-    scene = noisy_scene(name, sigma_px=sigma_px, trial=trial, offset_frames=0.0)
+    scene = _Observed(noisy_scene(name, sigma_px=sigma_px, trial=trial, offset_frames=0.0))
     starts = window_starts(N_FRAMES, T, N_WINDOWS)
     single = [starts[trial % N_WINDOWS]]
     rows = []
@@ -112,7 +127,8 @@ def table3_tasks(n_trials: int, scenes: Sequence[str] = TABLE_III) -> list[Task]
 
 def table3_rows(name: str, trial: int) -> list[Row]:
     """Both methods on one scene, all pairs; windows over the clip, and one window alone."""
-    scene = noisy_scene(name, sigma_px=3.0, trial=trial, offset_frames=float(OFFSET_FRAMES))
+    made = noisy_scene(name, sigma_px=3.0, trial=trial, offset_frames=float(OFFSET_FRAMES))
+    scene = _Observed(made)
     starts = window_starts(N_FRAMES - SEARCH_FRAMES, T, N_WINDOWS)
     single = [starts[trial % N_WINDOWS]]
     rows = []
@@ -138,7 +154,8 @@ def protocol_rows(trial: int, n_single: int) -> list[Row]:
     `n_single` windows of five frames by themselves.
     """
     options = SceneOptions(n_frames=N_FRAMES, fps=FPS, sigma_px=3.0, seed=5000 + trial)
-    scene = paper_scene(options, offset_frames=float(OFFSET_FRAMES), clips=shipped_clips())
+    made = paper_scene(options, offset_frames=float(OFFSET_FRAMES), clips=shipped_clips())
+    scene = _Observed(made)
     pair = list(combinations(range(4), 2))[trial % 6]
     end = N_FRAMES - SEARCH_FRAMES
     rows = []
@@ -161,7 +178,7 @@ def protocol_rows(trial: int, n_single: int) -> list[Row]:
 
 
 def _registered(
-    scene: Scene,
+    scene: _Observed,
     method: str,
     stage: str,
     starts: Sequence[int],
@@ -178,7 +195,7 @@ def _registered(
     ours = method == "default"
     name = "correlation" if ours else "vmf"
     options = method_options(name, ransac=ransac, n_starts=n_starts)
-    views = lift_views(scene.recording, options)
+    views = scene.views(options)
     rows = []
     for a, b in pairs or combinations(range(len(views.lifted)), 2):
         began = time.process_time()
@@ -193,25 +210,31 @@ def _registered(
         )
         cpu_s = time.process_time() - began
         more = {"pair": f"{a}-{b}", "cpu_s": cpu_s, "sigma_px": sigma, "seed": seed}
-        errors = None if found is None else _judged(views, scene, found)
-        rows.append(row(_name(scene), method, stage, trial, errors, **more))
+        errors = None if found is None else _judged(views, scene.scene, found)
+        rows.append(row(_name(scene.scene), method, stage, trial, errors, **more))
     return rows
 
 
 def _baseline(
-    scene: Scene, method: str, stage: str, starts: Sequence[int], trial: int, *, sigma: float
+    scene: _Observed,
+    method: str,
+    stage: str,
+    starts: Sequence[int],
+    trial: int,
+    *,
+    sigma: float,
 ) -> list[Row]:
     options = method_options("vmf", ransac=False)
-    views = lift_views(scene.recording, options)
-    sampled = Sampled(views, scene.truth, np.array(starts))
+    views = scene.views(options)
+    sampled = Sampled(views, scene.scene.truth, np.array(starts))
     rng = np.random.default_rng([7, trial])
     rows = []
     for a, b in combinations(range(len(views.lifted)), 2):
         began = time.process_time()
         found = BASELINES[method](sampled, a, b, options.vmf, rng)
         more = {"pair": f"{a}-{b}", "cpu_s": time.process_time() - began, "sigma_px": sigma}
-        errors = None if found is None else _judged(views, scene, found)
-        rows.append(row(_name(scene), method, stage, trial, errors, **more))
+        errors = None if found is None else _judged(views, scene.scene, found)
+        rows.append(row(_name(scene.scene), method, stage, trial, errors, **more))
     return rows
 
 
