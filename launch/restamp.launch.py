@@ -12,8 +12,16 @@ def generate_launch_description() -> LaunchDescription:
     installed = PathJoinSubstitution([FindPackageShare("stcalib_ros"), "config", "restamp.yaml"])
     return LaunchDescription(
         [
-            DeclareLaunchArgument("params_file", default_value=installed),
-            DeclareLaunchArgument("namespace", default_value=""),
+            DeclareLaunchArgument(
+                "params_file",
+                default_value=installed,
+                description="Parameters; a copy of config/restamp.yaml with what you change.",
+            ),
+            DeclareLaunchArgument(
+                "namespace",
+                default_value="",
+                description="Namespace of the node, and so of its topics and services.",
+            ),
             Node(
                 package="stcalib_ros",
                 executable="restamp",

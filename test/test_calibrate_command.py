@@ -84,3 +84,19 @@ def test_the_others_are_calibrated(tmp_path: Path, capsys: pytest.CaptureFixture
     assert [c.name for c in result.cameras] == ["cam0", "cam1", "cam2"]
     assert [c.name for c in result.uncalibrated] == ["cam3"]
     assert f"NOT calibrated: cam3: {result.uncalibrated[0].reason}" in capsys.readouterr().out
+
+
+def test_the_number_of_processes_does_not_change_the_result(tmp_path: Path) -> None:
+    write_recording(recording(), tmp_path / "bag.mcap")
+    arguments = ["calibrate", str(tmp_path / "bag.mcap"), "-q", "-o"]
+    for jobs in ("1", "2"):
+        assert main([*arguments, str(tmp_path / f"{jobs}.yaml"), "--jobs", jobs]) == 0
+    assert (tmp_path / "1.yaml").read_text() == (tmp_path / "2.yaml").read_text()
+
+
+@pytest.mark.parametrize("jobs", ["0", "-1", "two", "1.5"])
+def test_processes_are_counted(jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["calibrate", "walk.mcap", "-o", "walk.yaml", "--jobs", jobs])
+    assert end.value.code == 2
+    assert "expected a whole number of at least 1" in capsys.readouterr().err

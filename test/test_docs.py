@@ -61,7 +61,9 @@ def check_make(words: list[str]) -> None:
 
 
 def check_ros2(words: list[str]) -> None:
-    if words[:2] == ["interface", "show"]:
+    if words[0] == "security":
+        assert (ROOT / "config" / "sros2" / words[words.index("-p") + 1]).is_file()
+    elif words[:2] == ["interface", "show"]:
         check_interface(words[2])
     elif words[:2] in (["service", "call"], ["action", "send_goal"]):
         name, interface = [word for word in words[2:] if not word.startswith("-")][:2]
@@ -69,7 +71,8 @@ def check_ros2(words: list[str]) -> None:
         check_interface(interface)
     elif words[0] == "launch":
         text = (ROOT / "launch" / words[2]).read_text()
-        assert f'DeclareLaunchArgument("{words[3].partition(":=")[0]}"' in text
+        name = words[3].partition(":=")[0]
+        assert re.search(rf'DeclareLaunchArgument\(\s*"{name}"', text)
     elif words[2] in ("calibrator", "restamp"):
         assert words[1:] == [*words[1:3], "--ros-args", "--params-file", f"{words[2]}.yaml"]
     else:
@@ -94,7 +97,8 @@ def check_pip(words: list[str]) -> None:
 
 def check_python(words: list[str]) -> None:
     assert words[0] == "-m"
-    text = (ROOT / f"{words[1].replace('.', '/')}.py").read_text()
+    module = ROOT / words[1].replace(".", "/")
+    text = (module / "__main__.py" if module.is_dir() else module.with_suffix(".py")).read_text()
     assert all(f'"{option}"' in text for option in given_options(words[2:]))
 
 
@@ -111,6 +115,7 @@ CHECKS = {
     "rosdep": check_elsewhere,
     "colcon": check_elsewhere,
     "source": check_elsewhere,
+    "export": check_elsewhere,
 }
 
 

@@ -46,6 +46,8 @@ def run_tasks(tasks: Sequence[Task], store: Path, *, jobs: int, name: str) -> li
     store.parent.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()
     with store.open("a", encoding="utf-8") as file:
+        if cut_off(store):
+            file.write("\n")
         for n, (task, rows) in enumerate(_finished(left, jobs), 1):
             done[task.key] = rows
             file.write(json.dumps({"key": task.key, "rows": [_finite(row) for row in rows]}) + "\n")
@@ -54,6 +56,12 @@ def run_tasks(tasks: Sequence[Task], store: Path, *, jobs: int, name: str) -> li
             progress = f"{name}: {n} of {len(left)} in {elapsed:.0f} s, {task.key}"
             print(progress, file=sys.stderr, flush=True)
     return [row for task in tasks for row in done[task.key]]
+
+
+def cut_off(store: Path) -> bool:
+    """Whether the last line of a store has no end, as after a run that was killed."""
+    content = store.read_bytes()
+    return bool(content) and not content.endswith(b"\n")
 
 
 def stored(store: Path) -> Iterator[tuple[str, list[Row]]]:

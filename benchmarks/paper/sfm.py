@@ -128,7 +128,11 @@ def as_pose(R: object, t: object) -> tuple[FloatArray, FloatArray]:
 def _registered(
     views: PointViews, bundle: PointBundle, camera: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Pose (R_ref_cam, t_ref_cam) of a new camera by PnP with RANSAC."""
+    """Pose (R_ref_cam, t_ref_cam) of a new camera by PnP with RANSAC.
+
+    SQPnP (Terzakis and Lourakis 2020): of points on one plane, as the floor is, OpenCV's EPnP
+    returns the mirrored pose, which has them all behind the camera.
+    """
     use = bundle.known & views.seen[:, camera]
     if use.sum() < _MIN_PNP_INLIERS:
         raise SfmFailure(f"camera {camera} sees {int(use.sum())} of the points known so far")
@@ -141,12 +145,15 @@ def _registered(
         iterationsCount=2000,
         reprojectionError=threshold,
         confidence=0.9999,
-        flags=cv2.SOLVEPNP_EPNP,
+        flags=cv2.SOLVEPNP_SQPNP,
     )
     if not ok or inliers is None or len(inliers) < _MIN_PNP_INLIERS:
         raise SfmFailure(f"camera {camera} cannot be registered")
-    R_cam_ref = cv2.Rodrigues(r)[0]
-    return R_cam_ref.T, -R_cam_ref.T @ t[:, 0]
+    R_cam_ref, t_cam_ref = as_pose(cv2.Rodrigues(r)[0], t)
+    depth = bundle.X[use][inliers.ravel()] @ R_cam_ref[2] + t_cam_ref[2]
+    if np.mean(depth > 0) < 0.5:
+        raise SfmFailure(f"camera {camera} would look away from what it sees")
+    return R_cam_ref.T, -R_cam_ref.T @ t_cam_ref
 
 
 def _from_first(rig: Rig, order: IntArray) -> Rig:

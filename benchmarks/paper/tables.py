@@ -107,10 +107,11 @@ def _extremes(name: str, rows: Sequence[Row]) -> str:
                         method,
                         word,
                         *(_pair(values.get(c), _reduced(group, c, reduce)) for c in columns),
+                        _failed(group),
                     ]
                 )
         title = "20 windows of 5 frames" if windows == "windows" else "one window of 5 frames"
-        head = ["method", "", *(UNITS[c] for c in columns)]
+        head = ["method", "", *(UNITS[c] for c in columns), "nothing found"]
         parts.append(f"**{scene}, {title}**\n\n{markdown(head, body)}")
     return "\n\n".join(parts)
 
@@ -126,9 +127,9 @@ def _by_sigma(_: str, rows: Sequence[Row]) -> str:
             for sigma in sigmas:
                 at = [r for r in group if r["sigma_px"] == sigma]
                 cells.append(f"{_number(_mean(at, 'E_R'))} / {_number(_mean(at, 'precision'))}")
-            body.append([method, *cells])
+            body.append([method, *cells, _failed(group)])
         title = "20 windows of 5 frames" if windows == "windows" else "one window of 5 frames"
-        head = ["mean E_R rad / P assoc.", *(f"{sigma:g} px" for sigma in sigmas)]
+        head = ["mean E_R rad / P assoc.", *(f"{sigma:g} px" for sigma in sigmas), "nothing found"]
         parts.append(f"**{title}**\n\n{markdown(head, body)}")
     return "\n\n".join(parts)
 
@@ -164,6 +165,11 @@ def _peers(_: str, rows: Sequence[Row]) -> str:
         ran = f"{sum(not r.get('failure') for r in group)} of {len(group)}"
         body.append([method, given, *cells, "; ".join([ran, *reasons])])
     return markdown(["system", "given", "E_R rad", "E_t", "E_delta frames", "ran"], body)
+
+
+def _failed(group: Sequence[Row]) -> str:
+    """Registrations that gave nothing, and so have no part in the means."""
+    return f"{sum(r.get('E_R') is None for r in group)} of {len(group)}"
 
 
 def _grouped(rows: Iterable[Row], *keys: str) -> dict[Any, list[Row]]:

@@ -7,16 +7,17 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text
+from stcalib_ros.commands.jobs import count, processes
 from stcalib_ros.core.errors import CalibrationError
-from stcalib_ros.core.pipeline import Stages, run_stages
-from stcalib_ros.core.types import Calibration, Recording, Status
-from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.config import Config, read_config
-from stcalib_ros.io.files import require_writable
-from stcalib_ros.io.results import write_result
-from stcalib_ros.report import require_matplotlib
+
+if TYPE_CHECKING:
+    from stcalib_ros.core.pipeline import Stages
+    from stcalib_ros.core.types import Calibration, Recording
+    from stcalib_ros.io.config import Config
+
+# What computes is imported by the functions that need it, for `--help` to be quick.
 
 DESCRIPTION = """\
 Find camera poses, clock offsets and identities from the people in a bag.
@@ -64,6 +65,13 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         help="clocks are searched within plus and minus S seconds (default: 2)",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="same seed, same result (default: 0)")
+    parser.add_argument(
+        "--jobs",
+        type=count,
+        default=1,
+        metavar="N",
+        help="processes that share the pairs of cameras; the result is the same (default: 1)",
+    )
     parser.add_argument("-q", "--quiet", action="store_true", help="print warnings and errors only")
 
 
@@ -77,6 +85,13 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
     CalibrationError
         No trustworthy calibration can be had.
     """
+    from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text
+    from stcalib_ros.core.pipeline import run_stages
+    from stcalib_ros.core.types import Status
+    from stcalib_ros.io.bag import read_bag
+    from stcalib_ros.io.files import require_writable
+    from stcalib_ros.report import require_matplotlib
+
     require_writable(args.output)
     if args.report is not None:
         require_writable(args.report)
@@ -91,7 +106,8 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
             decoder=args.decoder,
             warn=progress.warn,
         )
-        stages = run_stages(recording, config.options, progress=progress)
+        with processes(args.jobs) as executor:
+            stages = run_stages(recording, config.options, progress=progress, executor=executor)
     finally:
         progress.close()
     written = [_write(stages.calibration, args.output)]
@@ -107,6 +123,8 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
 
 def config_of(args: argparse.Namespace) -> Config:
     """Read the configuration file; arguments take precedence."""
+    from stcalib_ros.io.config import Config, read_config
+
     config = Config() if args.config is None else read_config(args.config)
     given = {"reference": args.reference, "offset_range_s": args.offset_range, "seed": args.seed}
     changes = {name: value for name, value in given.items() if value is not None}
@@ -115,6 +133,9 @@ def config_of(args: argparse.Namespace) -> Config:
 
 def _write(calibration: Calibration, output: Path) -> Path | None:
     """Write the result; one that is not to be used under another name, and only if it has poses."""
+    from stcalib_ros.core.types import Status
+    from stcalib_ros.io.results import write_result
+
     if calibration.status is not Status.OK:
         output = output.with_name(f"{output.stem}.rejected{output.suffix}")
     if not calibration.cameras:

@@ -44,19 +44,31 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
         Per camera x, y, z of its centre, rotation about the fixed axes of the reference frame
         (rad) and offset (s).
     """
-    free, scale = stba.gauge(state.t_cam_ref, synchronised=state.synchronised)
+    free, _ = stba.gauge(state.t_cam_ref, synchronised=state.synchronised)
     cluster = _clusters(o, state.used.sum(1) >= 2, n_unknowns=len(free))
-    system, scores = stba.cluster_scores(o, _calmed(o, state), cluster)
-    H = (system.H + 1e6 * np.diag(system.H).max() * np.outer(scale, scale))[np.ix_(free, free)]
-    size = np.sqrt(np.maximum(np.diag(H), 1e-30))
-    inverse = np.linalg.pinv(H / np.outer(size, size), rcond=1e-13, hermitian=True)
-    inverse /= np.outer(size, size)
-    U = scores[free]
+    system, U = stba.cluster_scores(o, _calmed(o, state), cluster)
+    inverse = _inverse(system.H, state)
     n = U.shape[1]
-    covariance = np.zeros_like(system.H)
-    covariance[np.ix_(free, free)] = inverse @ (U @ U.T) @ inverse * n / max(n - len(free), 1)
+    covariance = inverse @ (U @ U.T) @ inverse * n / max(n - len(free), 1)
     J = _to_reference(state)
     return np.asarray(J @ covariance @ J.T)
+
+
+def information_covariance(H: FloatArray, state: stba.BundleState) -> FloatArray:
+    """Joint covariance, as `pose_covariance` gives it, of normal equations H (7 C, 7 C)."""
+    J = _to_reference(state)
+    return np.asarray(J @ _inverse(H, state) @ J.T)
+
+
+def _inverse(H: FloatArray, state: stba.BundleState) -> FloatArray:
+    """Inverse (7 C, 7 C) of normal equations; zero where the gauge is fixed."""
+    free, scale = stba.gauge(state.t_cam_ref, synchronised=state.synchronised)
+    part = (H + 1e6 * np.diag(H).max() * np.outer(scale, scale))[np.ix_(free, free)]
+    size = np.sqrt(np.maximum(np.diag(part), 1e-30))
+    inverse = np.linalg.pinv(part / np.outer(size, size), rcond=1e-13, hermitian=True)
+    out = np.zeros_like(H)
+    out[np.ix_(free, free)] = inverse / np.outer(size, size)
+    return out
 
 
 def _calmed(o: Observations, state: stba.BundleState) -> stba.BundleState:

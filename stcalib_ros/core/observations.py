@@ -58,6 +58,11 @@ class Observations:
             seen=self.seen[:, :, ::n].copy(),
         )
 
+    def only(self, rows: IntArray | BoolArray) -> Observations:
+        """The same with some rows only."""
+        names = ("person", "knot", "track", "phi", "x", "focal", "seen")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
 
 def observe(
     cameras: Sequence[LiftedCamera], rig: Rig, association: Association, *, step_s: float

@@ -7,6 +7,7 @@ stage is a function of plain records; `run_stages` keeps what each of them found
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,11 +20,13 @@ from stcalib_ros.core.checks import (
     select_cameras,
 )
 from stcalib_ros.core.covariance import pose_covariance
-from stcalib_ros.core.epipolar import refine_pair
 from stcalib_ros.core.errors import Cancelled
-from stcalib_ros.core.hypotheses import PairHypothesis, register_pair
+from stcalib_ros.core.final.clock_rate import with_clock_rates
+from stcalib_ros.core.final.refine import refine
+from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import Options
+from stcalib_ros.core.pairs import pair_tasks, registered, spread
 from stcalib_ros.core.paper.pairs import Views, lift_views
 from stcalib_ros.core.paper.stages import Grid, adjust_pairs, integrate_pairs, register_pairs
 from stcalib_ros.core.placement import Placement, place
@@ -31,7 +34,7 @@ from stcalib_ros.core.quality import CameraEvidence, evidence
 from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
 from stcalib_ros.core.skeleton import Skeleton
-from stcalib_ros.core.timeline import common_step, sample_camera
+from stcalib_ros.core.timeline import common_step
 from stcalib_ros.core.types import (
     Calibration,
     FloatArray,
@@ -43,7 +46,6 @@ from stcalib_ros.core.types import (
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it that is done."""
 
-_WORTH_REFINING = 0.3
 _RIVAL_SUPPORT = 0.5
 _FEW_RIGS = 3
 _COMPLETE = 0.6
@@ -69,7 +71,8 @@ class Stages:
     rigs : tuple of Rig
         Of the multi-view integration (MI), best first.
     rounds : tuple of Round
-        Of the adjustment, the first and the last two: the first is STBA, the last ISTBA.
+        Of the adjustment, the first and the last two: the first is STBA, the others ISTBA; where
+        key points lean one way, one more without that.
     calibration : Calibration
     placement : Placement or None
         How the calibration lies in the world; None without cameras.
@@ -91,6 +94,7 @@ def calibrate(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     adjusted: Callable[[float], None] | None = None,
+    executor: Executor | None = None,
 ) -> Calibration:
     """Calibrate cameras from the people that they see.
 
@@ -105,6 +109,8 @@ def calibrate(
     adjusted : callable, optional
         Called with the root mean square reprojection error so far, px, as soon as there is one
         and after every further round of the adjustment.
+    executor : concurrent.futures.Executor, optional
+        Registers the pairs of cameras; the numbers are the same with any. Default: this thread.
 
     Returns
     -------
@@ -116,10 +122,12 @@ def calibrate(
     ------
     InputError
         The reference camera or the joint layouts cannot be used.
+    CalibrationError
+        A worker of the executor was lost.
     Cancelled
         `cancelled` returned true.
     """
-    run = _Run(recording, options or Options(), progress, cancelled, adjusted)
+    run = _Run(recording, options or Options(), progress, cancelled, adjusted, executor)
     return run.stages().calibration
 
 
@@ -129,9 +137,11 @@ def run_stages(
     *,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
+    executor: Executor | None = None,
 ) -> Stages:
     """Like `calibrate`, with what every stage found."""
-    return _Run(recording, options or Options(), progress, cancelled).stages()
+    run = _Run(recording, options or Options(), progress, cancelled, executor=executor)
+    return run.stages()
 
 
 class _Run:
@@ -144,9 +154,11 @@ class _Run:
         progress: Progress | None,
         cancelled: Callable[[], bool] | None,
         adjusted: Callable[[float], None] | None = None,
+        executor: Executor | None = None,
     ) -> None:
         self.recording, self.options = recording, options
         self.progress, self.cancelled, self.adjusted = progress, cancelled, adjusted
+        self.executor = executor
         self.hypotheses: tuple[PairHypothesis, ...] = ()
         self.rigs: tuple[Rig, ...] = ()
         self.rounds: tuple[Round, ...] = ()
@@ -206,9 +218,9 @@ class _Run:
         complaint = None if rival is None else self._rivalry(start, rival)
         while True:
             self.rounds = self._iterate(start)
+            covariance = self._refine()
             last = self.rounds[-1]
             self.tick("quality", 0.0)
-            covariance = pose_covariance(last.observations, last.state)
             found = self._evidence(last, covariance)
             bad = [i for i, e in enumerate(found) if e.complaint() is not None]
             if not bad or complaint or 2 * len(bad) >= len(found):
@@ -253,25 +265,16 @@ class _Run:
     def _register(self, cameras: Sequence[int]) -> tuple[PairHypothesis, ...]:
         """Pairwise registration and two-view refinement of all pairs of cameras."""
         start, n = self._grid(cameras)
-        grids = {
-            c: sample_camera(self.lifted[c], self.skeleton, start=start, step=self.step_s, n=n)
-            for c in cameras
-        }
-        max_lag = int(np.ceil(2.0 * self.options.offset_range_s / self.step_s))
-        o = self.options.registration
-        pairs = [(a, b) for i, a in enumerate(cameras) for b in cameras[i + 1 :]]
-        found: list[PairHypothesis] = []
-        for k, (a, b) in enumerate(pairs):
-            self.tick("pairwise registration", k / len(pairs))
-            registered = register_pair(a, b, grids[a], grids[b], max_lag, o)
-            found += registered
-            worth = [h for h in registered if h.support >= _WORTH_REFINING * registered[0].support]
-            refined = (
-                refine_pair(self.lifted, h, synchronised=self.options.synchronised)
-                for h in worth[: o.n_refined]
-            )
-            found += [h for h in refined if h is not None]
-        return tuple(found)
+        tasks = pair_tasks(
+            self.lifted, cameras, self.skeleton, self.options, start=start, step=self.step_s, n=n
+        )
+        found = spread(
+            registered,
+            tasks,
+            self.executor,
+            lambda fraction: self.tick("pairwise registration", fraction),
+        )
+        return tuple(h for hypotheses in found for h in hypotheses)
 
     def _group(self, cameras: Sequence[int]) -> list[int]:
         """The cameras that hang together: the reference's group if it has two, else the largest."""
@@ -369,6 +372,19 @@ class _Run:
             if not isinstance(result, Unconnected):
                 return result
             start = self._start(self._largest(start.rig, result))
+
+    def _refine(self) -> FloatArray:
+        """Adjust with the biases of the key points and clock rates; covariance of the result."""
+        bundle = self.options.bundle
+        self._tick_round(1.0, self.rounds[-1])
+        refined = refine(self.lifted, self.rounds[-1], self.skeleton.layout, bundle)
+        if refined is not None:
+            self.rounds += (refined.round,)
+        last = with_clock_rates(self.rounds[-1], bundle)
+        self.rounds = (*self.rounds[:-1], last)
+        if refined is not None:
+            return refined.covariance
+        return pose_covariance(last.observations, last.state)
 
     def _tick_round(self, fraction: float, before: Round) -> None:
         if self.adjusted is not None:

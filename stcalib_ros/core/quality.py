@@ -30,6 +30,8 @@ MAX_OFFSET_STDDEV_FRAMES = 1.0
 MAX_BONE_ROTATION = 0.3
 DEPTH_RATIO = 1.6
 MIN_INLIER_SHARE = 0.55
+LONG_ENOUGH_S = 2.5
+MIN_EXPLAINED_OF_SHORT = 0.7
 MIN_EXPLAINED = 0.5
 SURE_ROTATION_STDDEV = 0.005
 SURE_BONE_ROTATION = 0.1
@@ -53,6 +55,9 @@ class CameraEvidence:
     explained : float
         Inliers over all image points that it has, of whomever. Two cameras that share nobody
         still find a pose at which somebody's steps agree for a while.
+    shared_s : float
+        Time for which it sees somebody together with another camera, summed over persons. Of a
+        second or two, some other stretch of steps fits as well sooner or later.
     rotation_stddev : float
         Largest standard deviation of its rotation about any axis, rad.
     centre_stddev : float
@@ -71,6 +76,7 @@ class CameraEvidence:
     inliers: int
     inlier_share: float
     explained: float
+    shared_s: float
     rotation_stddev: float
     centre_stddev: float
     offset_stddev_frames: float
@@ -80,6 +86,9 @@ class CameraEvidence:
 
     def complaint(self) -> str | None:
         """The first thing that is wrong, with its number and what would help; None if nothing."""
+        return self._unshared() or self._mixed_up() or self._uncertain()
+
+    def _unshared(self) -> str | None:
         if self.inliers < MIN_INLIERS:
             return (
                 f"only {self.inliers} of its image points fit, {MIN_INLIERS} are needed: "
@@ -99,6 +108,15 @@ class CameraEvidence:
                 "it may show other people; let the same people walk where it and the others see "
                 "them, and record longer"
             )
+        if self.shared_s < LONG_ENOUGH_S and self.explained < MIN_EXPLAINED_OF_SHORT:
+            return (
+                f"it shares only {self.shared_s:.1f} s of somebody's motion with the others, and "
+                f"only {100 * self.explained:.0f} % of all that it sees agrees with them: that may "
+                "be chance; let people stay in view of two cameras for longer"
+            )
+        return None
+
+    def _mixed_up(self) -> str | None:
         if not self.bone_rotation < MAX_BONE_ROTATION:
             return (
                 f"the bones of its 3D poses disagree with its rotation by "
@@ -110,7 +128,7 @@ class CameraEvidence:
                 f"people would be {self.depth_ratio:.1f} times as far from it as their size says: "
                 "persons may be mixed up; record a longer clip with people who move differently"
             )
-        return self._uncertain()
+        return None
 
     def _uncertain(self) -> str | None:
         if not self.rotation_stddev < MAX_ROTATION_STDDEV:
@@ -162,6 +180,7 @@ def evidence(
     asked = not last.rig.synchronised
     contrast = offset_contrasts(last, max_shift=int(np.ceil(offset_range_s / frame_s)))
     used, seen = last.state.used.sum((0, 2)), last.observations.seen.sum((0, 2))
+    shared = last.state.used.any(2).sum(0)
     total = image_points([cameras[c] for c in last.rig.cameras])
     reach = usual_distances(last)
     turned = bone_rotations(cameras, skeleton, last)
@@ -179,6 +198,7 @@ def evidence(
                 inliers=int(used[c]),
                 inlier_share=float(used[c] / max(int(seen[c]), 1)),
                 explained=float(used[c] / max(int(total[c]), 1)),
+                shared_s=float(shared[c]) * frame_s,
                 rotation_stddev=worst[1],
                 centre_stddev=worst[0] / float(reach[c]),
                 offset_stddev_frames=float(np.sqrt(max(block[6, 6], 0.0))) / frame_s,

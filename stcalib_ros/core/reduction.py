@@ -156,9 +156,9 @@ class Linearisation:
         source, target = flat
         np.matmul(R_T, source, out=target)
         H_pp = self._point_block(T)
-        factors = _cholesky3(H_pp, damping)
-        T = _forward_solve(factors, T).reshape(3, C * CAMERA, P)
-        z = _forward_solve(factors, (R_T @ q).sum(0))
+        factors = cholesky3(H_pp, damping)
+        T = forward_solve(factors, T).reshape(3, C * CAMERA, P)
+        z = forward_solve(factors, (R_T @ q).sum(0))
         H = -(T[0] @ T[0].T) - T[1] @ T[1].T - T[2] @ T[2].T
         for c in range(C):
             block = slice(c * CAMERA, (c + 1) * CAMERA)
@@ -183,8 +183,8 @@ class Linearisation:
         pull[:, :2] = m[:, None] * (moved[:, :2] - self.u * moved[:, 2:])
         pull[:, 2] = -(self.u[:, 0] * pull[:, 0] + self.u[:, 1] * pull[:, 1])
         towards = (np.swapaxes(self.cameras.R, -1, -2) @ pull).sum(0)
-        y = eliminated.z + _forward_solve(eliminated.factors, towards)
-        return np.asarray((self.X - _backward_solve(eliminated.factors, y)).T)
+        y = eliminated.z + forward_solve(eliminated.factors, towards)
+        return np.asarray((self.X - backward_solve(eliminated.factors, y)).T)
 
     def _camera_rows(self, m: FloatArray) -> FloatArray:
         """Rows j of ``M [-y x, I, R V]``, (3, C, 7, P)."""
@@ -236,7 +236,7 @@ class Linearisation:
         return out
 
 
-def _cholesky3(H: FloatArray, damping: float) -> tuple[FloatArray, ...]:
+def cholesky3(H: FloatArray, damping: float) -> tuple[FloatArray, ...]:
     """Cholesky factors (l00, l10, l11, l20, l21, l22), each (P,), of matrices (3, 3, P)."""
     tiny = 1e-12 * (H[0, 0] + H[1, 1] + H[2, 2]) + 1e-30
     grow = 1.0 + damping
@@ -248,7 +248,7 @@ def _cholesky3(H: FloatArray, damping: float) -> tuple[FloatArray, ...]:
     return l00, l10, l11, l20, l21, l22
 
 
-def _forward_solve(factors: tuple[FloatArray, ...], b: FloatArray) -> FloatArray:
+def forward_solve(factors: tuple[FloatArray, ...], b: FloatArray) -> FloatArray:
     """``L y = b`` for b (3, ..., P), in place."""
     l00, l10, l11, l20, l21, l22 = factors
     b[0] /= l00
@@ -260,7 +260,7 @@ def _forward_solve(factors: tuple[FloatArray, ...], b: FloatArray) -> FloatArray
     return b
 
 
-def _backward_solve(factors: tuple[FloatArray, ...], y: FloatArray) -> FloatArray:
+def backward_solve(factors: tuple[FloatArray, ...], y: FloatArray) -> FloatArray:
     """``L^T x = y`` for y (3, P)."""
     l00, l10, l11, l20, l21, l22 = factors
     x = np.empty_like(y)

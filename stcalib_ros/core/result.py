@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -61,6 +62,9 @@ def make_calibration(
     covariance = placement.covariance_of(rig, covariance)
     rows = np.add.outer(7 * order, range(7)).ravel()
     covariance = covariance[np.ix_(rows, rows)]
+    clocks = [_clock(last, int(c)) for c in order]
+    offsets = range(6, len(covariance), 7)
+    covariance[offsets, offsets] += [clock.added_variance for clock in clocks]
     errors = stba.errors_px(o, last.state)
     inliers = errors[last.state.used & np.isfinite(errors)]
     names = [recording.cameras[c].name for c in rig.cameras[order]]
@@ -74,8 +78,8 @@ def make_calibration(
         epoch_s=epoch,
         window_s=(epoch + window[0], epoch + window[1]),
         cameras=tuple(
-            _camera(recording, last, int(c), placement, covariance[block, block])
-            for c, block in zip(order, _blocks(len(order)), strict=True)
+            _camera(recording, last, int(c), placement, covariance[block, block], clock)
+            for c, block, clock in zip(order, _blocks(len(order)), clocks, strict=True)
         ),
         uncalibrated=tuple(uncalibrated),
         persons=tuple(person for _, person in found_persons(cameras, last)),
@@ -101,8 +105,33 @@ def _window(cameras: Sequence[LiftedCamera], last: Round) -> tuple[float, float]
     return float(min(begin)), float(max(end))
 
 
+@dataclass(frozen=True, slots=True)
+class _Clock:
+    """Offset at the epoch, rate, and by how much the variance of the former grows from there."""
+
+    offset_s: float
+    skew: float = 0.0
+    stddev: float = float("nan")
+    added_variance: float = 0.0
+
+
+def _clock(last: Round, i: int) -> _Clock:
+    offset, rates = float(last.rig.offset_s[i]), last.clocks
+    if rates is None:
+        return _Clock(offset)
+    skew, stddev = float(rates.skew[i]), float(rates.stddev[i])
+    to_epoch = offset - rates.middle_s
+    added = 0.0 if skew == 0.0 else (to_epoch * stddev) ** 2
+    return _Clock(offset + skew * to_epoch, skew, stddev, added)
+
+
 def _camera(
-    recording: Recording, last: Round, i: int, placement: Placement, block: FloatArray
+    recording: Recording,
+    last: Round,
+    i: int,
+    placement: Placement,
+    block: FloatArray,
+    clock: _Clock,
 ) -> CameraCalibration:
     camera = recording.cameras[last.rig.cameras[i]]
     return CameraCalibration(
@@ -112,8 +141,10 @@ def _camera(
         R_ref_cam=placement.R @ last.rig.R_ref_cam[i],
         t_ref_cam=placement.to_result(last.rig.t_ref_cam[i]),
         covariance=block[:6, :6],
-        time_offset_s=float(last.rig.offset_s[i]),
+        time_offset_s=clock.offset_s,
         time_offset_stddev_s=float(np.sqrt(max(block[6, 6], 0.0))),
+        clock_skew=clock.skew,
+        clock_skew_stddev=clock.stddev,
     )
 
 

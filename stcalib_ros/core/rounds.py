@@ -29,6 +29,25 @@ _OTHER_DISTANCE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ClockRates:
+    """Rates of the clocks of the cameras (C,) against that of the reference.
+
+    Attributes
+    ----------
+    skew : (C,) ndarray
+        ``t_ref = t_cam + offset + skew (t_ref - middle_s)``; 0 where not told.
+    stddev : (C,) ndarray
+        Predicted; of those that are not told, what it would have been.
+    middle_s : float
+        The moment that the offsets of the rig hold for.
+    """
+
+    skew: FloatArray
+    stddev: FloatArray
+    middle_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Round:
     """What one round of association, adjustment and outlier removal left.
 
@@ -48,6 +67,8 @@ class Round:
     share : float
         Of all image points of a camera, matched or not, the part that fits; of the camera
         with the smallest.
+    clocks : ClockRates or None
+        None where they were not asked for.
     """
 
     rig: Rig
@@ -57,6 +78,20 @@ class Round:
     median_px: float
     coverage: float
     share: float
+    clocks: ClockRates | None = None
+
+    def moved(self, observations: Observations, state: stba.BundleState) -> Round:
+        """The same persons after one more adjustment of the same images."""
+        before = replace(self.rig, offset_s=self.rig.offset_s - self.state.shift_s)
+        errors = stba.errors_px(observations, state)
+        median = float(np.median(errors[state.used & np.isfinite(errors)]))
+        return replace(
+            self,
+            rig=_rig_of(state, before),
+            observations=observations,
+            state=state,
+            median_px=median,
+        )
 
     def rms_px(self) -> float:
         """Root mean square reprojection error of the inliers, px; NaN if there is none."""

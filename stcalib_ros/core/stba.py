@@ -31,9 +31,9 @@ from stcalib_ros.core.reduction import (
 )
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
-_CAUCHY = 2.385
-_RAYLEIGH_MEDIAN = 1.17741
-_MIN_SCALE_PX = 0.5
+CAUCHY = 2.385
+RAYLEIGH_MEDIAN = 1.17741
+MIN_SCALE_PX = 0.5
 _LEAST_SHARE = 0.2
 _MIN_RENEWALS = 8
 
@@ -67,6 +67,11 @@ class BundleState:
     A: FloatArray
     used: BoolArray
     synchronised: bool = False
+
+    def only(self, rows: IntArray | BoolArray) -> BundleState:
+        """The same with some rows only."""
+        names = ("X", "V", "A", "used")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
 def initial_state(o: Observations, rig: Rig) -> BundleState:
@@ -181,7 +186,7 @@ def robust_scale(errors: FloatArray, used: BoolArray) -> float:
     if not known.any():
         return float("nan")
     share = 1.0 - 1.5 * float((known.sum(1) >= 2).sum()) / float(known.sum())
-    sigma = float(np.median(errors[known])) / _RAYLEIGH_MEDIAN
+    sigma = float(np.median(errors[known])) / RAYLEIGH_MEDIAN
     return sigma / float(np.sqrt(max(share, _LEAST_SHARE)))
 
 
@@ -209,7 +214,7 @@ def adjust(
         Read V from the trajectories again after every step; else it stays as it is.
     """
     damping = 1e-5
-    scale = _CAUCHY * max(robust_scale(errors_px(o, state), state.used), _MIN_SCALE_PX)
+    scale = CAUCHY * max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
     problem = _Problem(o, state, scale)
     least = _MIN_RENEWALS if renew_velocities else 0
     for step in range(iterations):
@@ -231,6 +236,35 @@ def adjust(
     return problem.state_of(state)
 
 
+def reduced_by_group(
+    o: Observations, state: BundleState, group: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Undamped reduced normal equations of groups of rows.
+
+    Parameters
+    ----------
+    o : Observations
+    state : BundleState
+    group : (N,) ndarray of int
+        Number of the group of each row.
+
+    Returns
+    -------
+    H : (K, 7 C, 7 C) ndarray
+    g : (K, 7 C) ndarray
+        Both in units of the noise of the image points.
+    """
+    sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
+    H, g = [], []
+    for k in range(int(group.max()) + 1):
+        rows = np.flatnonzero(group == k)
+        problem = _Problem(o.only(rows), state.only(rows), CAUCHY * sigma, cost=0.0)
+        system, _ = problem.reduce(0.0)
+        H.append(system.H / sigma**2)
+        g.append(system.g / sigma**2)
+    return np.stack(H), np.stack(g)
+
+
 def cluster_scores(
     o: Observations, state: BundleState, cluster: IntArray
 ) -> tuple[ReducedSystem, FloatArray]:
@@ -249,8 +283,8 @@ def cluster_scores(
     scores : (7 C, n) ndarray
         Share of each cluster in the gradient; their sum is ``system.g``.
     """
-    sigma = max(robust_scale(errors_px(o, state), state.used), _MIN_SCALE_PX)
-    problem = _Problem(o, state, _CAUCHY * sigma)
+    sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
+    problem = _Problem(o, state, CAUCHY * sigma)
     labels, n = cluster.ravel(), int(cluster.max(initial=-1)) + 1
     scores = np.zeros((CAMERA * len(state.t_cam_ref), n))
     for block, at in problem.linearised():
@@ -306,7 +340,7 @@ class _Problem:
         system, eliminated = self.reduce(damping)
         d_camera = -solve_reduced(system, self.cameras.t, synchronised=self.state.synchronised)
         flat = d_camera.ravel()
-        length = np.sqrt(max(float(flat @ system.H @ flat), 0.0)) * _CAUCHY / self.scale
+        length = np.sqrt(max(float(flat @ system.H @ flat), 0.0)) * CAUCHY / self.scale
         cameras = Cameras(
             exp_so3(d_camera[:, :3]) @ self.cameras.R,
             self.cameras.t + d_camera[:, 3:6],

@@ -124,7 +124,7 @@ class Interpolation:
         return np.asarray((1 - u) * values[self.before] + u * values[self.after])
 
     def both(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The same values, and their time derivative (N, ...), per second."""
+        """Values (N, ...) at the wanted times, and their time derivative, per second."""
         shape = (-1, *[1] * (values.ndim - 1))
         before = values[self.before]
         difference = values[self.after] - before

@@ -153,7 +153,8 @@ class CameraCalibration:
     time_offset_s, time_offset_stddev_s : float
         ``t_ref = t_cam + time_offset_s + clock_skew * (t_cam - epoch)``.
     clock_skew, clock_skew_stddev : float
-        Dimensionless; the latter is NaN where the skew was not estimated.
+        Dimensionless. A skew of 0 with a deviation of more than 1e-5: the recording is too short
+        to tell it, and this is how well it would. NaN where it was not asked for.
     """
 
     name: str

@@ -23,12 +23,11 @@ from stcalib_ros.io.messages import (
     pose_image,
 )
 from stcalib_ros.io.topics import SelectedCamera
-from stcalib_ros.ros.streams import Follower, Limits
+from stcalib_ros.ros.streams import MAX_TEXT, Follower, Limits
 
 Say = Callable[[str, str], None]
 Clock = Callable[[], float]
 
-_MAX_TEXT = 256
 _MAX_LINE = 400
 _LENS_QUIET_S = 3.0
 _MAX_LENSES = 3
@@ -129,6 +128,7 @@ class CameraBuffer:
     def reject(self, why: str) -> None:
         """Count, say and drop a message that cannot be read."""
         self._received += 1
+        self._arrived = self._clock()
         self._drop(why)
 
     def add_info(self, message: Any) -> None:
@@ -249,7 +249,12 @@ class Buffers:
         Told the camera's name with a kind of event, and, in one line, what was dropped or forgotten
         and why.
     clock : callable
-        Seconds that pass while nothing else does.
+        Steady, seconds.
+
+    Attributes
+    ----------
+    max_bytes : int
+        A message that is longer cannot be within the limits.
     """
 
     def __init__(
@@ -261,6 +266,7 @@ class Buffers:
         clock: Clock = time.monotonic,
     ) -> None:
         self._lock = threading.Lock()
+        self.max_bytes = limits.max_bytes
 
         def said_by(name: str) -> Say:
             return lambda about, line: say(f"{name}: {about}", line)
@@ -285,6 +291,7 @@ class Buffers:
     def set_limits(self, limits: Limits) -> None:
         """Change the bounds; what they no longer allow is forgotten."""
         with self._lock:
+            self.max_bytes = limits.max_bytes
             for buffer in self._buffers.values():
                 buffer.set_limits(limits)
 
@@ -366,10 +373,10 @@ def _require_pose_bounds(message: Any, limits: Limits) -> None:
             f"{len(message.persons)} persons in one image; {limits.max_persons} are accepted "
             "(max_persons)"
         )
-    if max(len(message.layout), len(message.header.frame_id)) > _MAX_TEXT:
-        raise InputError(f"layout or frame_id is longer than {_MAX_TEXT} characters")
+    if max(len(message.layout), len(message.header.frame_id)) > MAX_TEXT:
+        raise InputError(f"layout or frame_id is longer than {MAX_TEXT} characters")
     names = message.joint_names
-    if len(names) > limits.max_joints or any(len(name) > _MAX_TEXT for name in names):
+    if len(names) > limits.max_joints or any(len(name) > MAX_TEXT for name in names):
         raise InputError(f"more than {limits.max_joints} joint names, or too long ones")
     for person in message.persons:
         sizes = (len(person.joints) / 3, len(person.keypoints) / 2, len(person.joint_scores))
@@ -381,7 +388,7 @@ def _require_pose_bounds(message: Any, limits: Limits) -> None:
 
 
 def _require_info_bounds(message: Any, topic: str) -> None:
-    if max(len(message.d), len(message.distortion_model)) > _MAX_TEXT:
+    if max(len(message.d), len(message.distortion_model)) > MAX_TEXT:
         raise InputError(f"{topic}: oversize CameraInfo")
     numbers = np.concatenate([np.asarray(getattr(message, f), dtype=float) for f in "dkrp"])
     if not np.isfinite(numbers).all():

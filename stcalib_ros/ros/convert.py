@@ -100,7 +100,7 @@ def calibration_result(
         header=_header(calibration, stamp),
         run_id=run_id,
         status=int(calibration.status),
-        message=calibration.message,
+        message=message_of(calibration),
         extrinsics=extrinsics_messages(calibration, stamp=stamp),
         time_offsets=time_offset_messages(calibration, stamp=stamp, frame_rates=frame_rates),
         persons=[_person(p) for p in calibration.persons],
@@ -114,6 +114,12 @@ def calibration_result(
         joint_covariance=calibration.joint_covariance.ravel().tolist(),
         parameter_order=list(calibration.parameter_order),
     )
+
+
+def message_of(calibration: Calibration) -> str:
+    """What was found, and which cameras could not be tied to the others and why; for a person."""
+    reasons = [f"{camera.name}: {camera.reason}" for camera in calibration.uncalibrated]
+    return "; ".join([calibration.message, *reasons])
 
 
 def extrinsics_messages(calibration: Calibration, *, stamp: Time) -> list[CameraExtrinsics]:

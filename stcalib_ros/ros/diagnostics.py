@@ -10,6 +10,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from stcalib_ros.core.watch.verdict import Verdict
+from stcalib_ros.io.schemas import CAMERA_INFO, POSES
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts
 from stcalib_ros.ros.load import Load
@@ -51,14 +52,31 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
     lacking = []
     if counts.age_s > STARVED_S:
         ago = "none has come" if counts.received == 0 else f"the last came {counts.age_s:.0f} s ago"
-        lacking.append(f"waits for poses, {ago}: {publishers_of(node, camera.pose_topic)}")
+        publishers = publishers_of(node, camera.pose_topic, POSES)
+        lacking.append(f"waits for poses, {ago}: {publishers}")
+    elif counts.dropped and not counts.images:
+        lacking.append(f"sends nothing that can be used: {counts.last_problem}")
+    elif counts.blind:
+        lacking.append(
+            f"sends persons without one key point that is a number on {camera.pose_topic}; check "
+            "the pose estimator's output"
+        )
     if not counts.has_info:
-        lacking.append(f"waits for CameraInfo: {publishers_of(node, camera.info_topic)}")
+        publishers = publishers_of(node, camera.info_topic, CAMERA_INFO)
+        lacking.append(f"waits for CameraInfo: {publishers}")
     return "; ".join(lacking)
 
 
-def publishers_of(node: Any, topic: str) -> str:
-    """Topic, as it is after remapping, with its publishers, their types and QoS, in words."""
+def publishers_of(node: Any, topic: str, wanted: str = "") -> str:
+    """Topic, as it is after remapping, with its publishers, their types and QoS, in words.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    topic : str
+    wanted : str
+        Type that is wanted; if nobody has it, that is said. Empty: any.
+    """
     name = node.resolve_topic_name(topic)
     infos = node.get_publishers_info_by_topic(name)
     if not infos:
@@ -68,7 +86,9 @@ def publishers_of(node: Any, topic: str) -> str:
         f"{i.qos_profile.reliability.name}, {i.qos_profile.durability.name})"
         for i in infos
     ]
-    return f"{name} is published by {', '.join(described)}"
+    mismatch = wanted and all(i.topic_type != wanted for i in infos)
+    not_wanted = f", but nobody publishes a {wanted}" if mismatch else ""
+    return f"{name} is published by {', '.join(described)}{not_wanted}"
 
 
 def camera_status(
@@ -77,7 +97,7 @@ def camera_status(
     """Status of one camera.
 
     One that is starved, or for which the calibration does not hold any more, is an error; one that
-    drops messages or sees nobody a warning.
+    drops messages or sends nothing but NaN a warning.
     """
     level, message = DiagnosticStatus.OK, "receiving"
     if lack:
@@ -85,6 +105,8 @@ def camera_status(
     elif verdict is not None and verdict.state.alarm:
         level = DiagnosticStatus.ERROR if verdict.state.changed else DiagnosticStatus.WARN
         message = verdict.sentence()
+    elif counts.blind:
+        level, message = DiagnosticStatus.WARN, "persons, but not one key point is a number"
     elif counts.dropped:
         level, message = DiagnosticStatus.WARN, f"dropped messages: {counts.last_problem}"
     values = {
@@ -97,6 +119,7 @@ def camera_status(
         "received": counts.received,
         "dropped": counts.dropped,
         "flushes": counts.flushes,
+        "set_aside": counts.set_aside,
         "last_problem": counts.last_problem,
         **_watch_values(verdict),
     }

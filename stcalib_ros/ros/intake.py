@@ -74,6 +74,13 @@ class Intake:
         return take
 
     def _decoded(self, name: str, topic: str, kind: str, data: bytes) -> SimpleNamespace | None:
+        if len(data) > self._buffers.max_bytes:
+            self._buffers.reject(
+                name,
+                f"{topic}: a message of {len(data)} bytes; with max_persons and max_joints as they "
+                f"are, none has more than {self._buffers.max_bytes}",
+            )
+            return None
         try:
             return decode(kind, data)
         except (ValueError, struct.error) as error:

@@ -20,7 +20,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import CameraInfo
@@ -32,7 +32,7 @@ from stcalib_ros.core.watch.verdict import Verdict
 from stcalib_ros.io.history import History, Kept
 from stcalib_ros.msg import CalibrationResult, PersonPose3DArray
 from stcalib_ros.ros.buffers import Buffers, Counts
-from stcalib_ros.ros.convert import calibration_result, time_message
+from stcalib_ros.ros.convert import calibration_result, message_of, time_message
 from stcalib_ros.ros.diagnostics import (
     STARVED_S,
     SolverState,
@@ -41,7 +41,7 @@ from stcalib_ros.ros.diagnostics import (
     solver_status,
     starvation,
 )
-from stcalib_ros.ros.intake import Intake
+from stcalib_ros.ros.intake import Intake, Take
 from stcalib_ros.ros.load import Meter
 from stcalib_ros.ros.parameters import declare, settings_from
 from stcalib_ros.ros.publishers import Publishers, latched
@@ -101,6 +101,7 @@ class Calibrator:
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._intake = Intake(self.settings.cameras, self.buffers, self._meter)
         self._lost = self._intake.lost()
+        self._latched: set[str] = set()
         self._subscribe()
         self.services = Services(self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -188,29 +189,40 @@ class Calibrator:
         )
 
     def _subscribe(self) -> None:
-        """Listen to every camera; to its CameraInfo twice.
-
-        Drivers repeat CameraInfo, best effort or volatile: only a subscription that asks for
-        neither more gets it. Others send it once and latch it: only a transient local one gets
-        what was sent before it was there. No QoS receives both. A driver that latches and repeats
-        is heard twice, which changes nothing: a lens that is known is no news.
-
-        That volatile publishers do not match the latched subscription is as it should be, nothing
-        else is incompatible, and /diagnostics tells of wrong types: the events that rclpy would
-        wait for besides, two per topic, would only cost time.
-        """
+        """Listen to every camera, as drivers send: best effort, volatile."""
         qos = QoSProfile(depth=self.settings.queue_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-        silent = SubscriptionEventCallbacks(use_default_callbacks=False)
         for camera in self.settings.cameras:
-            info = self._intake.info_of(camera)
-            for kind, topic, take, as_sent in (
-                (PersonPose3DArray, camera.pose_topic, self._intake.poses_of(camera), qos),
-                (CameraInfo, camera.info_topic, info, qos),
-                (CameraInfo, camera.info_topic, info, latched()),
+            take, info = self._intake.poses_of(camera), self._intake.info_of(camera)
+            self._listen(PersonPose3DArray, camera.pose_topic, take, qos)
+            self._listen(CameraInfo, camera.info_topic, info, qos)
+
+    def _subscribe_to_latched(self) -> None:
+        """Listen once more where CameraInfo is latched.
+
+        Some send it once and latch it: only a transient local subscription gets what was sent
+        before it was there, and only a volatile one what drivers usually send; no QoS receives
+        both. The second one is made when somebody offers what it asks for: to others it would be
+        incompatible, and each of them would warn of it. A driver that latches and repeats is heard
+        twice, which changes nothing: a lens that is known is no news.
+        """
+        for camera in self.settings.cameras:
+            topic = self.node.resolve_topic_name(camera.info_topic)
+            if camera.name not in self._latched and any(
+                offered.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+                and offered.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+                for offered in self.node.get_publishers_info_by_topic(topic)
             ):
-                self.node.create_subscription(
-                    kind, topic, take, as_sent, raw=True, event_callbacks=silent
-                )
+                self._latched.add(camera.name)
+                take = self._intake.info_of(camera)
+                self._listen(CameraInfo, camera.info_topic, take, latched())
+
+    def _listen(self, kind: Any, topic: str, take: Take, qos: QoSProfile) -> None:
+        """Without the events that rclpy would wait for besides, two per topic: they cost time.
+
+        Nothing is incompatible, and /diagnostics tells of wrong types.
+        """
+        silent = SubscriptionEventCallbacks(use_default_callbacks=False)
+        self.node.create_subscription(kind, topic, take, qos, raw=True, event_callbacks=silent)
 
     def _load(self) -> None:
         try:
@@ -254,10 +266,10 @@ class Calibrator:
             verdict = f"in force, since {reason}{self._take(calibration, job.run_id)}"
         else:
             verdict = f"not taken: {reason}"
-        self.log.info(f"run {job.run_id} has ended: {verdict}")
+        self._last_message = f"{message_of(calibration)}; {verdict}" if taken else verdict
+        self.log.info(f"run {job.run_id} has ended: {self._last_message}")
         self._last_run, self._last_status = job.run_id, calibration.status.name
         self._last_took_s, self._last_ended_s = outcome.took_s, outcome.ended_s
-        self._last_message = f"{calibration.message}; {verdict}" if taken else verdict
         self._publish_diagnostics()
         run, self.run = self.run, None
         if run is not None:
@@ -275,6 +287,7 @@ class Calibrator:
         return complaint
 
     def _every_second(self) -> None:
+        self._subscribe_to_latched()
         counts = self.buffers.counts()
         self._watch(counts)
         lacks = self._publish_diagnostics(counts)

@@ -11,7 +11,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
@@ -142,24 +142,28 @@ def _without_interrupts() -> Iterator[None]:
 
 
 def _serve(pipe: Connection, options: Options, events: Sequence[str]) -> None:
-    """Main function of the process."""
+    """Main function of the process; ends without a word when nobody is there to hear it."""
+    os.nice(_NICE)
+    with suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        pipe.send(_answer(pipe, options, events))
+
+
+def _answer(pipe: Connection, options: Options, events: Sequence[str]) -> tuple[str, object]:
+    """Receive the data and calibrate; what to send at the end."""
     from stcalib_ros.core.pipeline import calibrate  # here: the node needs nothing of it
 
-    os.nice(_NICE)
     tell = {event: partial(_say, pipe, event) for event in events}
     warn = tell.pop("warn")
     try:
         recording = assemble_recording(_received(pipe), warn=warn)
         threading.Thread(target=_end_with, args=(pipe,), daemon=True).start()
-        calibration = calibrate(recording, options, **tell)  # type: ignore[arg-type]
-    except EOFError:
-        return
+        return _RESULT, calibrate(recording, options, **tell)  # type: ignore[arg-type]
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        raise
     except StcalibError as error:
-        pipe.send((_ERROR, error))
+        return _ERROR, error
     except Exception as error:  # the node goes on, whatever the solver stumbles over
-        pipe.send((_ERROR, SolverError(f"{type(error).__name__}: {error}")))
-    else:
-        pipe.send((_RESULT, calibration))
+        return _ERROR, SolverError(f"{type(error).__name__}: {error}")
 
 
 def _say(pipe: Connection, event: str, *content: Any) -> None:

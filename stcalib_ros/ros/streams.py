@@ -11,6 +11,9 @@ import numpy as np
 from stcalib_ros.core.layouts import Layout
 from stcalib_ros.io.messages import NS, PoseImage, format_stamp
 
+MAX_TEXT = 256
+"""Characters of a name in a message."""
+
 QUIET_S = 1.0
 """Nothing may have come of a stream for so long, by the wall clock, before another replaces it."""
 
@@ -48,6 +51,15 @@ class Limits:
     max_mb: float = 100.0
     max_persons: int = 50
     max_joints: int = 150
+
+    @property
+    def max_bytes(self) -> int:
+        """Longest message that can be within the bounds: one that is longer need not be decoded."""
+        return (
+            1000
+            + (self.max_joints + 2) * 2 * MAX_TEXT
+            + self.max_persons * (100 + 24 * self.max_joints)
+        )
 
 
 class Stream:

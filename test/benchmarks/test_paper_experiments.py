@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.paper import __main__ as command
-from benchmarks.paper import gate
+from benchmarks.paper import gate, pairwise
 from benchmarks.paper.baselines import BASELINES
 from benchmarks.paper.experiments import EXPERIMENTS, Experiment
 from benchmarks.paper.multiview import rig_errors
-from benchmarks.paper.pairwise import noise_rows
+from benchmarks.paper.pairwise import N_FRAMES, T, inside_windows, noise_rows
 from benchmarks.paper.report import read_notes, write_report
 from benchmarks.paper.run import Row, Task, row, run_tasks, stored
-from benchmarks.paper.scenes import SCENES, late, window_starts
+from benchmarks.paper.scenes import SCENES, SEARCH_FRAMES, late, window_starts
 from benchmarks.paper.tables import PRINTED, tables
 from stcalib_ros.core.metrics import evaluate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
@@ -45,6 +46,7 @@ def test_an_interrupted_experiment_goes_on(tmp_path: Path) -> None:
     rows = run_tasks([t for t in tasks(5) if t.key != "task 3"], store, jobs=1, name="x")
     assert calls == [4]
     assert [r["E_R"] for r in rows] == [0.0, 1.0, 2.0, 4.0]
+    assert {key for key, _ in stored(store)} == {f"task {k}" for k in (0, 1, 2, 4)}
 
 
 def test_what_is_not_finite_is_null_in_the_store(tmp_path: Path) -> None:
@@ -67,6 +69,12 @@ def test_windows_are_uniform_and_inside() -> None:
     assert set(np.diff(starts)) <= {15, 16}
 
 
+def test_windows_have_a_counterpart_at_every_offset() -> None:
+    starts = inside_windows(20)
+    assert min(starts) == SEARCH_FRAMES
+    assert max(starts) + T + SEARCH_FRAMES == N_FRAMES
+
+
 def test_late_clocks_are_in_the_truth() -> None:
     scene = simulate(SceneOptions(n_frames=20, n_people=1, max_offset_frames=0.0))
     recording, truth = late(scene.recording, scene.truth, 5)
@@ -82,13 +90,17 @@ def test_late_clocks_are_in_the_truth() -> None:
     assert errors["E_delta"] == pytest.approx(5.0)
 
 
-def test_one_noisy_observation_by_every_method() -> None:
+def test_one_noisy_observation_by_every_method(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pairwise, "N_WINDOWS", 8)
     rows = noise_rows("three people, ring", 1.0, 0, 1)
     methods = {"default", "paper", "paper, 10 starts", *BASELINES}
     assert {r["method"] for r in rows} == methods
     for method in methods - {"paper"}:
         mine = [r for r in rows if r["method"] == method and r["stage"] == "windows"]
         assert len(mine) == 6
+    starts = [r for r in rows if r["method"] == "paper"]
+    assert len(starts) == 12
+    assert all(r["E_R"] is not None for r in starts), "a start that failed is left out of the mean"
     for method in ("default", "paper, 10 starts"):
         mine = [r for r in rows if r["method"] == method and r["stage"] == "windows"]
         assert max(r["E_R"] for r in mine) < 0.01
@@ -97,6 +109,10 @@ def test_one_noisy_observation_by_every_method() -> None:
 
 def figure_rows(scene: str, method: str, stage: str, **figures: float) -> list[Row]:
     return [row(scene, method, stage, k, None, missing=0, **figures) for k in range(2)]
+
+
+def varied_rows(k: int) -> list[Row]:
+    return [row("s", "default", "IBA", k, None, missing=0, E_R=float(k))]
 
 
 def test_tables_show_measured_and_printed() -> None:
@@ -145,6 +161,23 @@ def test_command_fails_when_accuracy_gets_worse(
         monkeypatch.setattr(gate, "read_baseline", lambda rows=rows: rows)
         assert command.main(["table1", "--reduced", "--jobs", "1"]) == status
     assert "worse than the baseline" in capsys.readouterr().out
+
+
+def test_the_baseline_of_one_experiment_leaves_the_others(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def reduced(k: int) -> list[Task]:
+        return [Task(f"trial {k}", varied_rows, (k,))]
+
+    monkeypatch.setattr(command, "EXPERIMENTS", {"table1": Experiment("Title", list, reduced)})
+    monkeypatch.setattr(gate, "BASELINE", tmp_path / "baseline.json")
+    other = {"table3; s; default; windows": {"E_R": {"value": 1.0, "stddev": 0.0}}}
+    gate.BASELINE.write_text(json.dumps(other | {"table1; gone; default; IBA": {}}))
+    assert command.main(["table1", "--update-baseline", "--jobs", "1"]) == 0
+    found = gate.read_baseline()
+    assert found.keys() == {*other, "table1; s; default; IBA"}
+    expected = {"value": 0.0, "stddev": pytest.approx(np.std(range(5)))}
+    assert found["table1; s; default; IBA"]["E_R"] == expected
 
 
 def test_committed_baseline_is_of_the_reduced_set() -> None:

@@ -25,6 +25,7 @@ SOUND = CameraEvidence(
     inliers=5000,
     inlier_share=0.95,
     explained=0.9,
+    shared_s=8.0,
     rotation_stddev=0.001,
     centre_stddev=0.002,
     offset_stddev_frames=0.01,
@@ -36,6 +37,7 @@ SOUND = CameraEvidence(
 
 def test_sound_evidence_gives_no_complaint():
     assert SOUND.complaint() is None
+    assert replace(SOUND, shared_s=1.0).complaint() is None
 
 
 @pytest.mark.parametrize(
@@ -43,6 +45,10 @@ def test_sound_evidence_gives_no_complaint():
     [
         ({"inliers": 150}, "only 150 of its image points fit, 400 are needed"),
         ({"inlier_share": 0.3}, "only 30 % of its image points fit: check its intrinsics"),
+        (
+            {"shared_s": 1.3, "explained": 0.6},
+            "only 1.3 s of somebody's motion with the others, and only 60 % .* may be chance",
+        ),
         ({"bone_rotation": 1.0}, "disagree with its rotation by 57 degrees"),
         ({"bone_rotation": float("nan")}, "disagree with its rotation"),
         ({"depth_ratio": 1.7}, "people would be 1.7 times as far"),

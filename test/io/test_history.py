@@ -140,6 +140,43 @@ history.History(folder, keep=3).add(read_result(folder / "calibration.000001.yam
     assert names(history) == ["calibration.000001.yaml", "calibration.000002.yaml"]
 
 
+def test_killed_at_any_time_what_is_there_is_whole(history):
+    """Processes that save without end, each killed by SIGKILL after some milliseconds."""
+    history.add(calibration(10))
+    code = f"""
+import os, random, signal, time
+from pathlib import Path
+from stcalib_ros.io.history import History
+
+history = History(Path({str(history.folder)!r}), keep=3)
+first = history.latest()
+random.seed(0)
+for _ in range(40):
+    if not (child := os.fork()):
+        while True:
+            history.add(first.calibration)
+    time.sleep(random.uniform(0.001, 0.03))
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    found = history.latest()
+    assert found.number >= first.number, (found.number, first.number)
+    assert found.calibration.n_inliers == 10
+    first = found
+print(first.number)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 10, "hardly anything was saved"
+    last = history.add(calibration(20))
+    assert names(history) == [f"calibration.{n:06d}.yaml" for n in (last - 2, last - 1, last)]
+
+
 def test_export_writes_below_the_folder(history):
     history.add(calibration(10))
     (history.folder / "site").mkdir()

@@ -12,12 +12,14 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo
 from stcalib_ros.msg import PersonPose3DArray
 
-from stcalib_ros.io.mcap_source import bag_files, raw_messages, topic_schemas
+from stcalib_ros.io.mcap_source import RawMessage, bag_files, raw_messages, topic_schemas
 
 TIMEOUT_S = 60.0
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -29,7 +31,10 @@ LATCHED = QoSProfile(
 
 
 class LiveNode:
-    """A process of the package, a calibrator unless another is named; what it says is in a file."""
+    """A process of the package, a calibrator unless another is named; what it says is in a file.
+
+    A name with a ``/`` is one in a namespace.
+    """
 
     def __init__(
         self,
@@ -48,10 +53,15 @@ class LiveNode:
         given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
         script = f'source "{setup_file}"; exec "$@"'
         sourcing = [] if setup_file is None else ["bash", "-c", script, "bash"]
-        self.log = folder / f"{name}.log"
+        self.given = parameters
+        namespace, _, plain = name.rpartition("/")
+        self.log = folder / f"{name.replace('/', '_')}.log"
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(
-                [*sourcing, command, *arguments, "--ros-args", "-r", f"__node:={name}", *given],
+                [
+                    *(*sourcing, command, *arguments, "--ros-args"),
+                    *("-r", f"__ns:=/{namespace}", "-r", f"__node:={plain}", *given),
+                ],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
@@ -78,7 +88,7 @@ class Client:
         self.context = rclpy.Context()
         self.context.init()
         self.executor = SingleThreadedExecutor(context=self.context)
-        self.node = rclpy.create_node(f"client_of_{target}", context=self.context)
+        self.node = rclpy.create_node(f"client_of_{target.replace('/', '_')}", context=self.context)
         self.executor.add_node(self.node)
         self.diagnostics: dict[str, dict[str, str]] = {}
         self.n_diagnostics = 0
@@ -133,12 +143,28 @@ class Client:
         self.wait(lambda: publisher.get_subscription_count() > 0, f"subscription to {topic}")
         return publisher
 
-    def play(self, bag: Path, *, speed: float = 4.0) -> None:
-        """Publish the messages of a bag, stamps as they are."""
+    def change(self, **values: object) -> list[tuple[bool, str]]:
+        """Set parameters; for each whether it succeeded, and why not."""
+        parameters = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
+        said = self.answer(SetParameters, "set_parameters", parameters=parameters)
+        return [(r.successful, r.reason) for r in said.results]
+
+    def play(
+        self,
+        bag: Path,
+        *,
+        speed: float = 4.0,
+        below: str = "",
+        sent: Callable[[RawMessage], Any] = lambda raw: raw.data,
+    ) -> None:
+        """Publish the messages of a bag, stamps as they are, on its topics below a namespace.
+
+        `sent` is what is sent in place of a message; None: nothing.
+        """
         files = bag_files(bag)
         kinds = {"PersonPose3DArray": PersonPose3DArray, "CameraInfo": CameraInfo}
         publishers = {
-            s.topic: self.publisher(kinds[s.type_name.rpartition("/")[2]], s.topic)
+            s.topic: self.publisher(kinds[s.type_name.rpartition("/")[2]], below + s.topic)
             for s in topic_schemas(files)
         }
         begin, first = time.monotonic(), None
@@ -147,7 +173,8 @@ class Client:
             due = begin + (raw.log_time - first) * 1e-9 / speed
             while (rest := due - time.monotonic()) > 0:
                 self.executor.spin_once(timeout_sec=rest)
-            publishers[raw.topic].publish(raw.data)
+            if (message := sent(raw)) is not None:
+                publishers[raw.topic].publish(message)
 
     def play_completely(self, bag: Path, counts: Mapping[str, int]) -> None:
         """Play until every image has arrived: best effort may lose some, another time not."""

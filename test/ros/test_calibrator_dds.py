@@ -20,6 +20,7 @@ from samples import poses_message
 from stcalib_ros.action import Calibrate
 from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, PersonPose3DArray, TimeOffset
 from stcalib_ros.srv import Recalibrate, SaveCalibration
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
@@ -30,6 +31,8 @@ from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_recording
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result
+from stcalib_ros.ros.parameters import CAMERAS as CAMERAS_SPEC
+from stcalib_ros.ros.parameters import all_specs
 
 CAMERAS = ["cam0", "cam1", "cam2", "cam3"]
 PARAMETERS = {"cameras": f"[{', '.join(CAMERAS)}]", "queue_depth": "1000"}
@@ -181,22 +184,27 @@ def test_the_action_tells_its_progress_and_is_cancelled(client):
 
 
 def test_parameters_that_are_fixed_say_so(client):
-    from rcl_interfaces.srv import SetParameters
-    from rclpy.parameter import Parameter
+    specs = (CAMERAS_SPEC, *all_specs(CAMERAS))
+    for spec in specs:
+        if spec.fixed:
+            ((successful, reason),) = client.change(**{spec.name: spec.default})
+            assert (successful, "read-only" in reason) == (False, True), spec.name
+    (said,) = client.change(reference="cam9")
+    assert said == (False, "reference: 'cam9' is none of the cameras cam0, cam1, cam2, cam3")
 
-    def change(name: str, value: object) -> tuple[bool, str]:
-        parameters = [Parameter(name, value=value).to_parameter_msg()]
-        (said,) = client.answer(SetParameters, "set_parameters", parameters=parameters).results
-        return said.successful, said.reason
 
-    assert change("seed", 0) == (True, "")
-    assert change("cameras", ["cam0", "cam1"])[0] is False
-    assert change("reference", "cam9") == (
-        False,
-        "reference: 'cam9' is none of the cameras cam0, cam1, cam2, cam3",
-    )
-    successful, reason = change("min_score", 1.5)
-    assert (successful, "range" in reason) == (False, True)
+def test_all_others_change_within_their_range(client):
+    free = [spec for spec in all_specs(CAMERAS) if not spec.fixed]
+    kept = {spec.name: spec.default for spec in free} | {"auto_calibrate": False}
+    assert client.change(**kept) == [(True, "")] * len(free)
+    for spec in free:
+        if spec.high is not None:
+            above = type(spec.default)(spec.high + 1)
+            ((successful, reason),) = client.change(**{spec.name: above})
+            assert (successful, "range" in reason) == (False, True), spec.name
+    for value in ("text", [1.0]):
+        ((successful, reason),) = client.change(window_s=value)
+        assert (successful, "type" in reason) == (False, True)
 
 
 def test_malformed_messages_are_counted_and_dropped(client):
@@ -260,6 +268,16 @@ def test_a_starved_node_says_what_it_waits_for(folder):
         assert "waits for poses, none has come: /left/person_poses is published by" in said
         assert "(stcalib_ros/msg/PersonPose3DArray, RELIABLE, VOLATILE)" in said
         assert "nobody publishes on /right/camera_info" in client.status("camera right")["message"]
+        assert "but nobody publishes" not in said
+        client.node.create_publisher(String, "/right/person_poses", 10)
+        client.wait(
+            lambda: "std_msgs" in client.status("camera right")["message"], "that it is noticed"
+        )
+        said = client.status("camera right")["message"]
+        assert (
+            "(std_msgs/msg/String, RELIABLE, VOLATILE), "
+            "but nobody publishes a stcalib_ros/msg/PersonPose3DArray" in said
+        )
         assert publisher.get_subscription_count() == 1
         refused = client.answer(Trigger, "recalibrate_now")
         assert not refused.success

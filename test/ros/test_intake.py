@@ -9,11 +9,13 @@ import pytest
 
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.cdr import CdrWriter
 from stcalib_ros.io.mcap_source import RawMessage, raw_messages
 from stcalib_ros.io.topics import SelectedCamera
-from stcalib_ros.ros.buffers import Buffers, Limits
+from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.intake import Intake
 from stcalib_ros.ros.load import Meter
+from stcalib_ros.ros.streams import MAX_TEXT, Limits
 
 CAMERA = SelectedCamera("cam0", "/cam0/person_poses", "/cam0/camera_info", None)
 
@@ -126,3 +128,47 @@ def test_a_repeated_lens_is_no_news_and_another_one_is(messages, intake, buffers
     take(second, about())
     assert len(lines) == 1
     assert "/cam0/camera_info: not a readable sensor_msgs/msg/CameraInfo" in lines[0]
+
+
+def largest_message(limits: Limits) -> bytes:
+    """As much as the limits allow, each name of the longest kind and of two bytes a character."""
+    long, (n, j) = "\u00e4" * MAX_TEXT, (limits.max_persons, limits.max_joints)
+    cdr = CdrWriter()
+    cdr.int32(5)
+    cdr.uint32(0)
+    cdr.string(long)
+    cdr.string(long)
+    cdr.strings([long[:-3] + f"{k:03d}" for k in range(j)])
+    cdr.boolean(False)
+    cdr.boolean(True)
+    cdr.uint32(n)
+    for k in range(n):
+        cdr.uint32(k)
+        cdr.float32(1.0)
+        for width in (3, 2, 1):
+            cdr.float32s(np.ones(j * width))
+    return cdr.data()
+
+
+def test_what_the_limits_allow_is_decoded_and_what_is_longer_is_not(intake, buffers, lines):
+    take = intake.poses_of(CAMERA)
+    data = largest_message(Limits())
+    assert len(data) > 100_000
+    take(data, about())
+    assert buffers.counts()["cam0"].images == 1
+    take(data + bytes(100_000), about(2))
+    counts = buffers.counts()["cam0"]
+    assert (counts.images, counts.dropped) == (1, 1)
+    assert "none has more than" in lines[-1]
+
+
+def test_a_message_of_millions_of_persons_costs_nothing(intake, buffers):
+    data = bytearray(largest_message(Limits(max_persons=1, max_joints=1)))
+    for count in (3_000_000, 2**32 - 1):
+        for at in range(4, len(data) - 4, 4):
+            broken = bytearray(data)
+            broken[at : at + 4] = count.to_bytes(4, "little")
+            intake.poses_of(CAMERA)(bytes(broken), about())
+    counts = buffers.counts()["cam0"]
+    assert counts.received == counts.dropped + counts.images + counts.set_aside
+    assert counts.dropped > 100

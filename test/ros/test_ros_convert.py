@@ -83,7 +83,7 @@ def test_persons_pairs_and_figures():
     assert (pair.camera_a, pair.camera_b, pair.n_matches) == ("cam0", "cam1", 2)
     assert (pair.median_angle_rad, pair.epipolar_rms_px) == (0.125, 1.75)
     assert (message.run_id, message.status) == ("run-1", CalibrationResult.OK)
-    assert message.message == "3 cameras from 2 persons"
+    assert message.message == "3 cameras from 2 persons; cam3: shares nobody with the others"
     assert message.reprojection_rms_px == 2.25
     assert (message.n_observations, message.n_inliers) == (5000, 4700)
     assert (message.window_start.sec, message.window_end.nanosec) == (1_760_000_000, 500_000_000)

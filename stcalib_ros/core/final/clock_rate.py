@@ -1,0 +1,124 @@
+"""Clock rates: what the offsets do over the recording.
+
+Over time t the offset of a clock of rate s is ``delta + s (t - middle)``. The normal equations of
+short spans of time, with every span's own t, hold those of the rates: their columns are those of
+the offsets, times ``t - middle``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stcalib_ros.core import stba
+from stcalib_ros.core.options import BundleOptions
+from stcalib_ros.core.reduction import CAMERA
+from stcalib_ros.core.rounds import ClockRates, Round
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+
+_MAX_STDDEV = 10e-6
+_SPAN_S = 0.5
+_MAX_SPANS = 120
+_PASSES = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spans:
+    """Normal equations of the cameras, span by span, and the middle of each."""
+
+    H: FloatArray
+    g: FloatArray
+    time_s: FloatArray
+
+
+def with_clock_rates(last: Round, o: BundleOptions) -> Round:
+    """A round with the rates of its clocks, adjusted to them where the recording tells them.
+
+    A rate counts as told if its predicted standard deviation is at most 10 ppm: usual clocks
+    differ by a few ten.
+    """
+    if last.state.synchronised:
+        return last
+    start, middle = last.observations, _middle(last)
+    total = np.zeros(len(last.rig.cameras))
+    stddev, told = total, total > 0.0
+    timed = last
+    for _ in range(_PASSES):
+        spans = _spans(timed, middle)
+        step, stddev = _rates(spans, timed.state, np.ones_like(told))
+        told = np.nan_to_num(stddev, nan=np.inf) <= _MAX_STDDEV
+        told[0] = False
+        if not told.any():
+            return replace(last, clocks=ClockRates(total, _without_reference(stddev), middle))
+        step, stddev_told = _rates(spans, timed.state, told)
+        stddev = np.where(told, stddev_told, stddev)
+        total = total + np.where(told, step, 0.0)
+        timed = _adjusted(last, start.phi + _since(last, middle)[:, None] * total, timed, o)
+    return replace(timed, clocks=ClockRates(total, _without_reference(stddev), middle))
+
+
+def _without_reference(stddev: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], stddev[1:]])
+
+
+def _middle(last: Round) -> float:
+    o = last.observations
+    return o.start_s + 0.5 * float(o.knot.min() + o.knot.max()) * o.step_s
+
+
+def _since(last: Round, middle_s: float) -> FloatArray:
+    """Time (N,) of every row after the middle, s."""
+    o = last.observations
+    return np.asarray(o.start_s + o.knot * o.step_s - middle_s)
+
+
+def _spans(last: Round, middle_s: float) -> _Spans:
+    since = _since(last, middle_s)
+    length = max(_SPAN_S, float(np.ptp(since)) / _MAX_SPANS)
+    _, group = np.unique(np.floor(since / length), return_inverse=True)
+    number: IntArray = group.ravel()
+    H, g = stba.reduced_by_group(last.observations, last.state, number)
+    time = np.bincount(number, since) / np.bincount(number)
+    return _Spans(H, g, time)
+
+
+def _rates(
+    spans: _Spans, state: stba.BundleState, free: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Steps (C,) of the rates from where they are, and their standard deviations.
+
+    The deviation is the larger one of that of independent noise and of what the spans differ by.
+    """
+    C = len(free)
+    k = CAMERA * C
+    offsets = CAMERA * np.arange(C) + CAMERA - 1
+    E = np.zeros((len(spans.time_s), k, k + C))
+    E[:, range(k), range(k)] = 1.0
+    E[:, offsets, k + np.arange(C)] = spans.time_s[:, None]
+    H = np.einsum("bia,bij,bjc->ac", E, spans.H, E, optimize=True)
+    scores = np.einsum("bia,bi->ba", E, spans.g, optimize=True)
+    poses, scale = stba.gauge(state.t_cam_ref)
+    H[:k, :k] += 1e6 * np.diag(H)[:k].max() * np.outer(scale, scale)
+    index = np.concatenate([poses, k + np.flatnonzero(free & (np.arange(C) > 0))])
+    size = np.sqrt(np.maximum(np.diag(H)[index], 1e-30))
+    inverse = np.linalg.pinv(H[np.ix_(index, index)] / np.outer(size, size), rcond=1e-13)
+    inverse /= np.outer(size, size)
+    U = scores[:, index]
+    n = len(U)
+    step, variance = np.zeros(k + C), np.full(k + C, np.nan)
+    step[index] = -inverse @ U.sum(0)
+    variance[index] = np.diag(inverse)
+    if n > 2 * len(index):
+        spread = inverse @ (U.T @ U) @ inverse * n / (n - len(index))
+        variance[index] = np.maximum(variance[index], np.diag(spread))
+    return step[k:], np.sqrt(variance[k:])
+
+
+def _adjusted(last: Round, phi: FloatArray, timed: Round, o: BundleOptions) -> Round:
+    """The round with image times by the rates, adjusted from where it is."""
+    observations = replace(last.observations, phi=phi)
+    V, A = stba.motion(observations, timed.state.X, timed.state.used.sum(1) >= 2)
+    state = replace(timed.state, V=V, A=A)
+    state = stba.adjust(observations, state, iterations=o.max_iterations, tolerance=0.05)
+    return timed.moved(observations, state)
