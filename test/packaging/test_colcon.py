@@ -86,7 +86,8 @@ def test_interfaces_and_configuration_are_shared(root, install):
     share = install[0] / "stcalib_ros/share/stcalib_ros"
     for name in ("msg/CalibrationResult.msg", "srv/Recalibrate.srv", "action/Calibrate.action"):
         assert (share / name).read_text() == (root / name).read_text()
-    for source in (*(root / "config").iterdir(), *(root / "launch").glob("*.py")):
+    configuration = [path for path in (root / "config").rglob("*") if path.is_file()]
+    for source in (*configuration, *(root / "launch").glob("*.py")):
         assert (share / source.relative_to(root)).read_text() == source.read_text()
 
 

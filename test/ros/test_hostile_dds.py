@@ -16,6 +16,7 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2: make env")
 pytest.importorskip("stcalib_ros.msg", reason="the messages are not built: make env")
 
+from builtin_interfaces.msg import Time
 from live import Client, LiveNode
 from rclpy.serialization import deserialize_message, serialize_message
 from samples import poses_message
@@ -218,7 +219,7 @@ def malformed(rng: np.random.Generator, k: int) -> tuple[type, Any]:
 
 def odd_persons(rng: np.random.Generator) -> PersonPose3DArray:
     message = poses_message()
-    message.header.stamp.sec = int(rng.integers(-(2**31), 2**31))
+    message.header.stamp = Time(sec=int(rng.integers(-(2**31), 2**31)))
     message.layout = str(rng.choice(["h36m_17", "no_such", "", "x" * 5000]))
     message.joint_names = ["n" * int(n) for n in rng.integers(0, 100, rng.integers(0, 200))]
 
