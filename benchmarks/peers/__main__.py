@@ -54,7 +54,7 @@ class Peer:
 PEERS = (
     Peer("caliscope", "0.11.8", "synchronisation, who is who"),
     Peer("humancalib", "0.5.4", "synchronisation, one person"),
-    Peer("pose2sim", "0.10.49", "one person; synchronises only"),
+    Peer("pose2sim", "0.10.49", "one person, lag within a second"),
 )
 
 

@@ -1,6 +1,6 @@
 """Runs in Pose2Sim's environment: ``python pose2sim_adapter.py SCENE.npz RESULT.npz``.
 
-Its synchronisation alone, by the correlation of vertical speeds, within two seconds. Given: one
+Its synchronisation alone, by the correlation of vertical speeds, within a second. Given: one
 true person. The cameras other than the first start `late_frames` frames later.
 """
 
@@ -16,6 +16,9 @@ import numpy as np
 os.environ["MPLBACKEND"] = "Agg"
 
 from Pose2Sim.synchronization import synchronize_cams_all
+
+RANGE_S = 1.0
+"""Lags are searched within this, on a stretch twice as long around the middle of the clip."""
 
 COCO_OF_H36M = {
     0: 9,
@@ -54,7 +57,7 @@ def main(source: str, result: str) -> None:
                     "display_sync_plots": False,
                     "save_sync_plots": False,
                     "approx_time_maxspeed": [middle_s] * C,
-                    "time_range_around_maxspeed": 2.0,
+                    "time_range_around_maxspeed": RANGE_S,
                 },
             }
         )
