@@ -44,6 +44,9 @@ def write_report(out: Path) -> None:
         parts.append(tables(name, rows) + "\n")
         if name == "noise":
             draw_noise(rows, FIGURE)
+    parts.append(f"## Peers\n\n`python -m benchmarks.peers`\n\n{notes['peers']}")
+    rows = [row for _, of_task in stored(out / "peers.jsonl") for row in of_task]
+    parts.append(tables("peers", rows) + "\n" if rows else "Not run yet.\n")
     PAGE.write_text("\n".join(parts), encoding="utf-8")
 
 

@@ -40,6 +40,7 @@ def tables(name: str, rows: Sequence[Row]) -> str:
         "protocol": _protocol,
         "timing": _timing,
         "real": _staged,
+        "peers": _peers,
     }[name](name, rows)
 
 
@@ -153,6 +154,17 @@ def _timing(name: str, rows: Sequence[Row]) -> str:
         cells = [_pair(printed, _median(group, "cpu_s")), _number(_mean(group, "E_R"))]
         body.append([method, stage, *cells, _number(_mean(group, "E_t"))])
     return markdown(["method", "", "CPU s", "E_R rad", "E_t"], body)
+
+
+def _peers(_: str, rows: Sequence[Row]) -> str:
+    """Medians over the scenes."""
+    body = []
+    for (method, given), group in _grouped(rows, "method", "stage").items():
+        cells = [_number(_median(group, c)) for c in ("E_R", "E_t", "E_delta")]
+        reasons = sorted({str(r["failure"]) for r in group if r.get("failure")})
+        ran = f"{sum(not r.get('failure') for r in group)} of {len(group)}"
+        body.append([method, given, *cells, "; ".join([ran, *reasons])])
+    return markdown(["system", "given", "E_R rad", "E_t", "E_delta frames", "ran"], body)
 
 
 def _failed(group: Sequence[Row]) -> str:

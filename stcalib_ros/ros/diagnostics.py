@@ -96,8 +96,8 @@ def camera_status(
 ) -> Any:
     """Status of one camera.
 
-    One that is starved, or for which the calibration does not hold any more, is an error; one that
-    drops messages or sends nothing but NaN a warning.
+    One that is starved, sends nothing of use, or for which the calibration does not hold any more,
+    is an error; one that drops messages a warning.
     """
     level, message = DiagnosticStatus.OK, "receiving"
     if lack:
@@ -105,8 +105,6 @@ def camera_status(
     elif verdict is not None and verdict.state.alarm:
         level = DiagnosticStatus.ERROR if verdict.state.changed else DiagnosticStatus.WARN
         message = verdict.sentence()
-    elif counts.blind:
-        level, message = DiagnosticStatus.WARN, "persons, but not one key point is a number"
     elif counts.dropped:
         level, message = DiagnosticStatus.WARN, f"dropped messages: {counts.last_problem}"
     values = {

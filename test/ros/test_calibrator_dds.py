@@ -159,6 +159,28 @@ def test_a_rollback_needs_an_earlier_calibration(client, answer):
     assert "no earlier calibration" in said.message
 
 
+def test_from_one_that_was_not_saved_the_way_back_is_to_the_last_file(client, answer, folder):
+    results, away = folder / "results", folder / "away"
+    results.rename(away)
+    results.touch()
+    try:
+        new = client.answer(Recalibrate, "recalibrate", wait=True)
+        assert new.result.status == CalibrationResult.OK, new.result.message
+        client.wait(lambda: client.status("solver")["in_force"] == new.run_id, "the new one")
+        assert "but not saved: cannot make" in client.status("solver")["last_message"]
+    finally:
+        results.unlink()
+        away.rename(results)
+    said = client.answer(Trigger, "rollback")
+    assert (said.success, said.message) == (True, "calibration 1 is in force again")
+    assert sorted(path.name for path in results.glob("calibration.*")) == [
+        "calibration.000001.yaml"
+    ]
+    (result,) = client.latched(CalibrationResult, "result", 1)
+    assert result.run_id == "saved-000001"
+    assert not client.answer(Trigger, "rollback").success, "there is none before it"
+
+
 def test_an_unknown_camera_is_refused(client):
     said = client.answer(Recalibrate, "recalibrate", cameras=["cam0", "cam9"])
     assert not said.accepted
