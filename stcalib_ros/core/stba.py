@@ -36,6 +36,8 @@ RAYLEIGH_MEDIAN = 1.17741
 MIN_SCALE_PX = 0.5
 _LEAST_SHARE = 0.2
 _MIN_RENEWALS = 8
+_HALF_WINDOW_S = 0.1
+_MIN_HALF_WINDOW = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,9 +118,15 @@ def _rays(x: FloatArray, rig: Rig) -> FloatArray:
 
 
 def motion(
-    o: Observations, X: FloatArray, present: BoolArray, *, half_window: int = 3
+    o: Observations, X: FloatArray, present: BoolArray, *, half_window: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Velocities and accelerations (N, J, 3) by a local cubic fit along each person's knots."""
+    """Velocities and accelerations (N, J, 3) by a local cubic fit along each person's knots.
+
+    Over a tenth of a second to either side unless another number of knots is given: with fewer,
+    noise in the velocities would draw the offsets towards whole frames.
+    """
+    if half_window is None:
+        half_window = max(_MIN_HALF_WINDOW, round(_HALF_WINDOW_S / o.step_s))
     V, A = np.zeros((2, *X.shape))
     for rows in persons_of(o):
         knots = o.knot[rows] - o.knot[rows][0]
