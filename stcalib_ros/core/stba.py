@@ -273,6 +273,39 @@ def reduced_by_group(
     return np.stack(H), np.stack(g)
 
 
+def time_sums(
+    o: Observations, state: BundleState, group: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Normal equations of the times of the images of groups of rows, cameras given.
+
+    Parameters
+    ----------
+    o : Observations
+    state : BundleState
+    group : (N,) ndarray of int
+        Number of the group of each row; each camera has one time in each.
+
+    Returns
+    -------
+    H : (K, C, C) ndarray
+    g : (K, C) ndarray
+        Both in units of the noise of the image points, the points eliminated.
+    """
+    sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
+    problem = _Problem(o, state, CAUCHY * sigma, cost=0.0)
+    K, C, J = int(group.max()) + 1, *o.seen.shape[1:]
+    H, g = np.zeros((K, C, C)), np.zeros((K, C))
+    for block, at in problem.linearised():
+        number = group[block.points // J]
+        h, y, right = at.by_time(problem.scale)
+        for c in range(C):
+            g[:, c] += np.bincount(number, right[c], K)
+            H[:, c, c] += np.bincount(number, h[c], K)
+            for d in range(C):
+                H[:, c, d] -= np.bincount(number, (y[:, c] * y[:, d]).sum(0), K)
+    return H / sigma**2, g / sigma**2
+
+
 def cluster_scores(
     o: Observations, state: BundleState, cluster: IntArray
 ) -> tuple[ReducedSystem, FloatArray]:
