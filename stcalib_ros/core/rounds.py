@@ -50,6 +50,23 @@ class ClockRates:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class StampErrors:
+    """Errors of single stamps of the cameras (C,), and what they leave unknown of the clocks.
+
+    Attributes
+    ----------
+    stddev_s : (C,) ndarray
+        Of the error of a stamp.
+    offset_variance, rate_variance : (C,) ndarray
+        Of their mean and of their trend, which no image tells from offset and rate of the clock.
+    """
+
+    stddev_s: FloatArray
+    offset_variance: FloatArray
+    rate_variance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Round:
     """What one round of association, adjustment and outlier removal left.
 
@@ -71,6 +88,8 @@ class Round:
         with the smallest.
     clocks : ClockRates or None
         None where they were not asked for.
+    stamps : StampErrors or None
+        None where stamps have no errors that images tell.
     """
 
     rig: Rig
@@ -81,6 +100,7 @@ class Round:
     coverage: float
     share: float
     clocks: ClockRates | None = None
+    stamps: StampErrors | None = None
 
     def moved(self, observations: Observations, state: stba.BundleState) -> Round:
         """The same persons after one more adjustment of the same images."""
