@@ -35,6 +35,7 @@ MIN_EXPLAINED_OF_SHORT = 0.7
 MIN_EXPLAINED = 0.5
 SURE_ROTATION_STDDEV = 0.005
 SURE_BONE_ROTATION = 0.1
+SURE_OFFSET_CONTRAST = 3.0
 MIN_OFFSET_CONTRAST = 1.2
 _FAR_FRAMES = 3
 _CONTRAST_SCALE = 2.0
@@ -101,7 +102,9 @@ class CameraEvidence:
                 "intrinsics, and that its key points belong to the image CameraInfo describes"
             )
         sure = (
-            self.rotation_stddev < SURE_ROTATION_STDDEV and self.bone_rotation < SURE_BONE_ROTATION
+            self.rotation_stddev < SURE_ROTATION_STDDEV
+            and self.bone_rotation < SURE_BONE_ROTATION
+            and self.offset_contrast > SURE_OFFSET_CONTRAST
         )
         if self.explained < MIN_EXPLAINED and not sure:
             return (
