@@ -16,15 +16,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 
 import numpy as np
 
-from benchmarks.measure import Run, judged, run_calibration
+from benchmarks.measure import Run, judged, run_calibration, run_scenes
 from benchmarks.scenarios import Scenario
 from benchmarks.table import Row, print_rows
 from stcalib_ros.core.floor import (
@@ -83,7 +82,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     met = True
     for case in CASES:
         if args.only in (None, case.name):
-            found = _all(case, args.scenes or case.n_scenes, args.jobs)
+            n = args.scenes or case.n_scenes
+            found = run_scenes(partial(compare, case), n, title=case.name, jobs=args.jobs)
             rows = summary(case, found)
             print_rows(f"{case.name}: {case.title}", rows, file=sys.stdout)
             for one in found:
@@ -141,25 +141,6 @@ def summary(case: Scenario, found: Sequence[Compared]) -> list[Row]:
 
 def _error(one: Compared, name: str) -> float:
     return float(getattr(one.run.evaluation, name))
-
-
-def _all(case: Scenario, n: int, jobs: int) -> list[Compared]:
-    task = partial(compare, case)
-    if jobs == 1:
-        return _followed(case, map(task, range(n)), n)
-    with ProcessPoolExecutor(jobs) as pool:
-        return _followed(case, pool.map(task, range(n)), n)
-
-
-def _followed(case: Scenario, found: Iterable[Compared], n: int) -> list[Compared]:
-    """Collect the scenes while telling a terminal how far they are."""
-    out = []
-    for one in found:
-        out.append(one)
-        if sys.stderr.isatty():
-            end = "\n" if len(out) == n else "\r"
-            print(f"{case.name}: {len(out)} of {n}", end=end, file=sys.stderr, flush=True)
-    return out
 
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
