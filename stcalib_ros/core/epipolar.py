@@ -15,15 +15,13 @@ import numpy as np
 from stcalib_ros.core.geometry import exp_so3, hat, log_so3
 from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.lift import LiftedCamera
+from stcalib_ros.core.pose_error import registration_deviations
 from stcalib_ros.core.timeline import Interpolation, frame_period
 from stcalib_ros.core.types import FloatArray
 
 _MAX_POINTS = 1500
 _MIN_POINTS = 60
 _NOISE_FLOOR_PX = 3.0
-_PRIOR_ROTATION = 0.1
-_PRIOR_DIRECTION = 0.2
-"""Standard deviations (rad) of the registration by bone directions and body positions."""
 _CORRELATED = 20
 """Key points that make one independent measurement: joints of one body, frame after frame."""
 
@@ -132,6 +130,22 @@ class _Matched:
         ]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Prior:
+    """Rotation and direction of t by the 3D poses, and their standard deviations, rad."""
+
+    R_a_b: FloatArray
+    unit_t: FloatArray
+    rotation: float
+    direction: float
+
+    def residuals(self, h: PairHypothesis) -> tuple[FloatArray, FloatArray]:
+        """Of rotation (3,) and direction (3,), in standard deviations."""
+        turned = log_so3(h.R_a_b @ self.R_a_b.T) / self.rotation
+        moved = (_unit(h.t_a_b) - self.unit_t) / self.direction
+        return turned, moved
+
+
 def refine_pair(
     cameras: Sequence[LiftedCamera],
     h: PairHypothesis,
@@ -141,7 +155,8 @@ def refine_pair(
 ) -> PairHypothesis | None:
     """Gauss-Newton on the robust Sampson error over rotation, direction of t and lag.
 
-    The lag of synchronised cameras stays as it is.
+    The registration that it starts from counts by how far 3D poses like these may be off. The
+    lag of synchronised cameras stays as it is.
 
     Returns
     -------
@@ -154,17 +169,18 @@ def refine_pair(
     c = matched.at(h.lag_s)
     if len(c.x_a) < _MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
         return None
-    start = h
-    cost, scale = _cost(h, c, start)
+    deviations = registration_deviations(cameras[h.a], cameras[h.b], h)
+    prior = _Prior(h.R_a_b, _unit(h.t_a_b), *deviations)
+    cost, scale = _cost(h, c, prior)
     for _ in range(iterations):
-        trial = _step(h, c, start, scale, damping, max_lag_step=max_lag_step)
+        trial = _step(h, c, prior, scale, damping, max_lag_step=max_lag_step)
         c_trial = matched.at(trial.lag_s)
         if len(c_trial.x_a) < _MIN_POINTS:
             return None
-        if (trial_cost := _cost(trial, c_trial, start, scale)[0]) < cost:
+        if (trial_cost := _cost(trial, c_trial, prior, scale)[0]) < cost:
             converged = cost - trial_cost < 1e-3 * cost
             h, c, damping = trial, c_trial, damping / 5.0
-            cost, scale = _cost(h, c, start)
+            cost, scale = _cost(h, c, prior)
             if converged:
                 break
         else:
@@ -177,21 +193,15 @@ def refine_pair(
 
 
 def _cost(
-    h: PairHypothesis, c: Correspondences, start: PairHypothesis, scale: float | None = None
+    h: PairHypothesis, c: Correspondences, prior: _Prior, scale: float | None = None
 ) -> tuple[float, float]:
     """Cauchy loss in units of `scale` (its own, from the MAD, unless given) plus the prior."""
     r = sampson(hat(h.t_a_b) @ h.R_a_b, c.x_a, c.x_b) * c.focal
     if scale is None:
         scale = max(_NOISE_FLOOR_PX, 1.5 * 1.48 * float(np.median(np.abs(r))))
     data = float(np.log1p((r / scale) ** 2).mean()) * len(r) / _CORRELATED
-    turned, moved = _prior_residuals(h, start)
+    turned, moved = prior.residuals(h)
     return data + float(turned @ turned + moved @ moved), scale
-
-
-def _prior_residuals(h: PairHypothesis, start: PairHypothesis) -> tuple[FloatArray, FloatArray]:
-    turned = log_so3(h.R_a_b @ start.R_a_b.T) / _PRIOR_ROTATION
-    moved = (_unit(h.t_a_b) - _unit(start.t_a_b)) / _PRIOR_DIRECTION
-    return turned, moved
 
 
 def _unit(v: FloatArray) -> FloatArray:
@@ -201,7 +211,7 @@ def _unit(v: FloatArray) -> FloatArray:
 def _step(
     h: PairHypothesis,
     c: Correspondences,
-    start: PairHypothesis,
+    prior: _Prior,
     scale: float,
     damping: float,
     *,
@@ -220,12 +230,12 @@ def _step(
     values[5] = (c.x_a * (c.v_b @ E.T)).sum(-1) * (max_lag_step > 0)
     J = (values * inverse).T
     w = 1.0 / (1.0 + r**2) / _CORRELATED
-    turned, moved = _prior_residuals(h, start)
+    turned, moved = prior.residuals(h)
     H = J.T @ (w[:, None] * J)
     g = J.T @ (w * r)
-    H[range(5), range(5)] += np.repeat([_PRIOR_ROTATION**-2, _PRIOR_DIRECTION**-2], [3, 2])
-    g[:3] += turned / _PRIOR_ROTATION
-    g[3:5] += tangent @ moved / _PRIOR_DIRECTION
+    H[range(5), range(5)] += np.repeat([prior.rotation**-2, prior.direction**-2], [3, 2])
+    g[:3] += turned / prior.rotation
+    g[3:5] += tangent @ moved / prior.direction
     H[range(6), range(6)] *= 1.0 + damping
     H[range(6), range(6)] += 1e-12 * np.trace(H)
     step = -np.linalg.solve(H, g)
