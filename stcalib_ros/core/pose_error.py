@@ -56,8 +56,8 @@ def registration_deviations(
         misfits += [_misfit(track_a), _misfit(_thinned(track_b))]
     if len(torques) < 2:
         return _MAX_ROTATION, _DIRECTION * _MAX_ROTATION
-    scatter = _rotation_scatter(np.array(torques), inertia)
-    rotation = min(_MAX_ROTATION, float(np.hypot(_SCATTER * scatter, np.nanmean(misfits))))
+    by_poses = _rotation_error(np.array(torques), inertia)
+    rotation = min(_MAX_ROTATION, float(np.hypot(by_poses, np.nanmean(misfits))))
     return rotation, _DIRECTION * rotation
 
 
@@ -91,8 +91,9 @@ def _misfit(track: LiftedTrack) -> float:
     return float(np.median(away[seen]) / np.sqrt((apart[seen] ** 2).sum(-1).mean()))
 
 
-def _rotation_scatter(torques: FloatArray, inertia: FloatArray) -> float:
-    """Deviation about one axis of the rotation that a sum of blocks' torques (K, 3) is zero at."""
+def _rotation_error(torques: FloatArray, inertia: FloatArray) -> float:
+    """How far the rotation may be off, by mean and scatter of the torques (K, 3) of blocks."""
     K = len(torques)
-    turns = np.linalg.solve(inertia, torques.T)
-    return float(np.sqrt((turns**2).sum() / 3.0 * K / (K - 1)))
+    turns = np.linalg.solve(inertia, torques.T).T
+    scatter = _SCATTER**2 * K * turns.var(0, ddof=1)
+    return float(np.sqrt((scatter + turns.sum(0) ** 2).sum()))
