@@ -8,12 +8,14 @@ DEMO_ARGS :=
 
 ROS := source scripts/activate.sh $(ROS_DISTRO)
 
-.PHONY: help demo level test test-ros lint env clean
+.PHONY: help demo level speed paper test test-ros lint env clean
 .NOTPARALLEL:
 
 help:
 	@echo "make demo     calibrate four real cameras from a recording, with a picture (no ROS needed)"
 	@echo "make level    print what accuracy simulated scenes and the demo recording reach"
+	@echo "make speed    print CPU seconds, memory and how they grow, beside their targets"
+	@echo "make paper    the paper's experiments, reduced, against the accuracy they had before"
 	@echo "make test     lint and test everything, with real ROS 2 (ROS_DISTRO=jazzy or kilted)"
 	@echo "make lint     ruff and mypy"
 	@echo "make env      set up ROS 2 and build the package; then: source scripts/activate.sh"
@@ -26,6 +28,14 @@ demo:
 level:
 	@scripts/setup.sh core
 	@.venv/bin/python -m benchmarks.level --demo
+
+speed:
+	@scripts/setup.sh core
+	@.venv/bin/python -m benchmarks.speed
+
+paper:
+	@scripts/setup.sh core
+	@.venv/bin/python -m benchmarks.paper all --reduced
 
 test: lint env
 	@$(ROS) && python -m pytest $(PYTEST_ARGS)

@@ -13,8 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -22,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import stcalib_ros
-from benchmarks.measure import Run, judged, run_calibration, run_scene
+from benchmarks.measure import Run, judged, run_calibration, run_scene, run_scenes
 from benchmarks.scenarios import HARD, MAX_CPU_S, SCENARIOS, Scenario
 from benchmarks.table import Row, finite, print_rows
 from stcalib_ros.core.metrics import Evaluation, match_quality
@@ -57,7 +56,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     for scenario in HARD if args.hard else SCENARIOS:
         if args.only in (None, scenario.name):
             n_scenes = args.scenes or scenario.n_scenes
-            sections.append(summary(scenario, _run_all(scenario, n_scenes, args.jobs)))
+            task = partial(run_scene, scenario)
+            runs = run_scenes(task, n_scenes, title=scenario.name, jobs=args.jobs)
+            sections.append(summary(scenario, runs))
             _print(sections[-1], as_json=args.json)
     if args.demo or args.only == "demo":
         sections.append(demo())
@@ -115,26 +116,6 @@ def _demo_rows(run: Run, errors: Evaluation, found: float) -> tuple[Row, ...]:
         Row("people found", f"{found:.3f} of matches", "1", found == 1),
         _single("CPU s", run.cpu_s, MAX_CPU_S),
     )
-
-
-def _run_all(scenario: Scenario, n_scenes: int, jobs: int) -> list[Run]:
-    task = partial(run_scene, scenario)
-    if jobs == 1:
-        return _followed(scenario, map(task, range(n_scenes)), n_scenes)
-    with ProcessPoolExecutor(jobs) as pool:
-        return _followed(scenario, pool.map(task, range(n_scenes)), n_scenes)
-
-
-def _followed(scenario: Scenario, runs: Iterable[Run], n_scenes: int) -> list[Run]:
-    """Collect the runs while telling a terminal how far they are."""
-    out = []
-    for run in runs:
-        out.append(run)
-        if sys.stderr.isatty():
-            print(f"\r{scenario.name}: {len(out)} of {n_scenes} ", end="", file=sys.stderr)
-    if sys.stderr.isatty():
-        print("\r", end="", file=sys.stderr)
-    return out
 
 
 def _distribution(name: str, values: Sequence[float], limit: float | None, judged_by: str) -> Row:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 from benchmarks.scenarios import SUCCESS, Scenario
 from stcalib_ros.core.errors import StcalibError
@@ -13,6 +16,8 @@ from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import simulate
 from stcalib_ros.core.types import Calibration, Recording, Status
 from stcalib_ros.io.mocap import shipped_clips
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,3 +107,22 @@ def judged(
     off = [f"{n} {v:.3g}" for n, v in values.items() if not v <= bounds[n]]
     is_wrong = found.status is Status.OK and bool(off)
     return Run(name, seed, outcome.cpu_s, evaluation, ", ".join(wrong + off), is_wrong)
+
+
+def run_scenes(task: Callable[[int], _T], n: int, *, title: str, jobs: int) -> list[_T]:
+    """Run the scenes 0 to n - 1, in processes if asked to; a terminal is told how far they are."""
+    if jobs == 1:
+        return _followed(map(task, range(n)), n, title)
+    with ProcessPoolExecutor(jobs) as pool:
+        return _followed(pool.map(task, range(n)), n, title)
+
+
+def _followed(found: Iterable[_T], n: int, title: str) -> list[_T]:
+    out = []
+    for one in found:
+        out.append(one)
+        if sys.stderr.isatty():
+            print(f"\r{title}: {len(out)} of {n} ", end="", file=sys.stderr, flush=True)
+    if sys.stderr.isatty():
+        print("\r", end="", file=sys.stderr)
+    return out

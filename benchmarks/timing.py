@@ -10,18 +10,20 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 from typing import TypeVar
+
+import numpy as np
 
 from benchmarks.scenarios import SUCCESS
 from stcalib_ros.core.metrics import evaluate
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.core.types import Calibration, Status
+from stcalib_ros.core.types import Calibration, Recording, Status, Track
 from stcalib_ros.io.mocap import shipped_clips
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -91,10 +93,21 @@ def _alone(function: Callable[..., _T], *arguments: object) -> _T:
 
 
 def write_scene(options: SceneOptions, path: Path) -> None:
-    """Simulate a scene and write the recording and the truth to a file."""
+    """Simulate a scene and write the recording, as a bag gives it, and the truth to a file."""
     scene = simulate(options, clips=shipped_clips())
     with path.open("wb") as file:
-        pickle.dump((scene.recording, scene.truth), file, protocol=5)
+        pickle.dump((as_sent(scene.recording), scene.truth), file, protocol=5)
+
+
+def as_sent(recording: Recording) -> Recording:
+    """The recording with the float32 that messages carry and `read_bag` keeps."""
+
+    def sent(track: Track) -> Track:
+        poses = {n: getattr(track, n).astype(np.float32) for n in ("keypoints", "joints", "scores")}
+        return replace(track, **poses)
+
+    cameras = (replace(c, tracks=tuple(map(sent, c.tracks))) for c in recording.cameras)
+    return replace(recording, cameras=tuple(cameras))
 
 
 def timed(path: Path, options: Options) -> Timing:

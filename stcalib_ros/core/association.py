@@ -73,7 +73,7 @@ class _Samples:
 
 
 def associate(
-    cameras: Sequence[LiftedCamera], rig: Rig, *, step_s: float, floor_px: float
+    cameras: Sequence[LiftedCamera], rig: Rig, *, step_s: float, floor_px: float, every: int = 1
 ) -> Association:
     """Group the tracks of all cameras of a rig into persons.
 
@@ -87,22 +87,33 @@ def associate(
     floor_px : float
         Pieces up to this median epipolar distance belong together at least; the tolerance is
         wider where even the best pairs do not come that close.
+    every : int
+        Look at every n-th slot only; in the others, nobody is associated.
     """
     members = [cameras[c] for c in rig.cameras]
     slot_s = SLOT_SAMPLES * step_s
     start, end = _span(members, rig)
     n_slots = max(1, int(np.ceil((end - start) / slot_s)))
     fractions = (np.arange(_SAMPLES_PER_SLOT) + 0.5) / _SAMPLES_PER_SLOT
-    times = start + slot_s * (np.arange(n_slots)[:, None] + fractions)
+    slots = np.arange(0, n_slots, every)
+    times = start + slot_s * (slots[:, None] + fractions)
     samples = [_sample(camera, rig, i, times) for i, camera in enumerate(members)]
     distance = _distances(samples, rig)
     tolerance = _tolerance(distance, floor_px)
-    chain = Chain([len(s.x) for s in samples], n_slots)
-    for s in range(n_slots):
+    chain = Chain([len(s.x) for s in samples], len(slots))
+    for s in range(len(slots)):
         chain.add(s, _agglomerate(samples, distance, s, tolerance))
     typical = tolerance / _TOLERANCE_FACTOR
     margins = _margins(chain.person_of, distance, chain.n_persons)
-    return Association(tuple(chain.person_of), start, slot_s, chain.n_persons, typical, margins)
+    person_of = tuple(_in_slots(known, slots, n_slots) for known in chain.person_of)
+    return Association(person_of, start, slot_s, chain.n_persons, typical, margins)
+
+
+def _in_slots(known: IntArray, slots: IntArray, n_slots: int) -> IntArray:
+    """Persons in all slots (P, n_slots), from those in some of them."""
+    person_of: IntArray = np.full((len(known), n_slots), -1, dtype=np.int64)
+    person_of[:, slots] = known
+    return person_of
 
 
 def _span(members: Sequence[LiftedCamera], rig: Rig) -> tuple[float, float]:

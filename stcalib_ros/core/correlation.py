@@ -15,7 +15,7 @@ from scipy import fft
 
 from stcalib_ros.core.geometry import best_rotation_trace
 from stcalib_ros.core.timeline import GridTracks
-from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray, SingleArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,20 +61,19 @@ def cross_covariance(a: GridTracks, b: GridTracks, *, max_lag: int) -> PairCovar
     return PairCovariance(S, mass, np.rint(overlap), lags)
 
 
-def _stack(oriented: FloatArray) -> FloatArray:
+def _stack(oriented: SingleArray) -> SingleArray:
     """(P, N, D, 3) to (N, 3 P, D)."""
     P, n, D, _ = oriented.shape
     return np.asarray(oriented.transpose(1, 0, 3, 2).reshape(n, 3 * P, D))
 
 
-def _presence(tracks: GridTracks) -> FloatArray:
-    return np.asarray(tracks.present.T[..., None], dtype=np.float64)
+def _presence(tracks: GridTracks) -> SingleArray:
+    return np.asarray(tracks.present.T[..., None], dtype=np.float32)
 
 
-def _correlate(a: FloatArray, b: FloatArray, size: int, lags: IntArray) -> FloatArray:
+def _correlate(a: SingleArray, b: SingleArray, size: int, lags: IntArray) -> FloatArray:
     """``sum_k a[k] @ b[k + lag]^T`` for every lag: (N, A, D), (N, B, D) to (A, B, L)."""
-    single = (np.asarray(one, dtype=np.float32) for one in (a, b))
-    spectrum_a, spectrum_b = (fft.rfft(one, size, axis=0) for one in single)
+    spectrum_a, spectrum_b = (fft.rfft(one, size, axis=0) for one in (a, b))
     spectrum = np.conj(spectrum_a) @ spectrum_b.transpose(0, 2, 1)
     series = fft.irfft(spectrum, size, axis=0)[lags % size]
     return np.asarray(series.transpose(1, 2, 0), dtype=np.float64)

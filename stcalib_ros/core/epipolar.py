@@ -205,10 +205,6 @@ def refine_pair(
         With `epipolar_px` set; None where too few key points are shared or it diverged.
     """
     matched = _Matched(cameras[h.a], cameras[h.b], h.matches, _MAX_POINTS)
-    if np.linalg.norm(h.t_a_b) < 1e-6:
-        return None
-    deviations = registration_deviations(cameras[h.a], cameras[h.b], h)
-    prior = _Prior(h.R_a_b, _unit(h.t_a_b), *deviations)
     max_lag_step = 0.0 if synchronised else 2.0 * matched.period
     damping = 1e-3
     c = matched.at(h.lag_s)
@@ -234,9 +230,9 @@ def refine_pair(
             damping *= 10.0
             if damping > 1e3:
                 break
-    residual = _distances_px(h, c)
+    apart = float(np.median(np.abs(_distances_px(h, c))))
     h = _metric_length(h, *matched.bodies(h.lag_s))
-    return replace(h, epipolar_px=float(np.median(np.abs(residual))))
+    return replace(h, epipolar_px=apart)
 
 
 def _distances_px(h: PairHypothesis, c: Correspondences, white: float = 0.0) -> FloatArray:

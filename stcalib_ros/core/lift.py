@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.geometry import bearings, exp_so3
+from stcalib_ros.core.geometry import bearings, exp_so3, hat
 from stcalib_ros.core.skeleton import Skeleton
 from stcalib_ros.core.types import BoolArray, CameraRecording, FloatArray, IntArray, Recording
 
@@ -27,7 +27,7 @@ _STEPS = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiftedTrack:
-    """One track in the metric frame of its camera.
+    """One track in the metric frame of its camera, as precise as the recording is.
 
     Attributes
     ----------
@@ -84,10 +84,10 @@ def _lift_camera(
 ) -> LiftedCamera:
     tracks = []
     for track in camera.tracks:
-        scores = track.scores[:, columns]
+        scores, precision = track.scores[:, columns], track.keypoints.dtype
         pixels = np.where((scores >= min_score)[..., None], track.keypoints[:, columns], np.nan)
         x, focal = bearings(pixels, camera.intrinsics)
-        joints = track.joints[:, columns]
+        joints = track.joints[:, columns].astype(np.float64)
         if not camera.metric:
             joints = joints * _body_scale(joints, skeleton)
         joints_cam = lift(joints, x, steps=steps)
@@ -97,9 +97,7 @@ def _lift_camera(
                 LiftedTrack(
                     track.track_id,
                     track.frames[usable],
-                    x[usable],
-                    focal[usable],
-                    joints_cam[usable],
+                    *(one[usable].astype(precision) for one in (x, focal, joints_cam)),
                 )
             )
     return LiftedCamera(camera.name, camera.stamps, tuple(tracks))
@@ -179,14 +177,15 @@ def _turn(
     J_X = np.zeros((*Y.shape[:2], 2, 3))
     J_X[..., 0, 0] = J_X[..., 1, 1] = 1.0 / depth
     J_X[..., :, 2] = -X[..., :2] / depth[..., None] ** 2
-    J_omega = np.stack([np.cross(Y, J_X[..., i, :]) for i in range(2)], -2)
-    J = np.concatenate([J_omega, J_X], -1)
-    H = np.einsum("fj,fjia,fjib->fab", weight, J, J)
+    J_omega = J_X @ np.swapaxes(hat(Y), -1, -2)
+    J = np.concatenate([J_omega, J_X], -1).reshape(len(Y), 2 * Y.shape[1], 6)
+    weighted = np.swapaxes(J * np.repeat(weight, 2, axis=1)[..., None], -1, -2)
+    H = weighted @ J
     H[:, range(3), range(3)] += _ROTATION_PRIOR
     H[:, range(6), range(6)] += 1e-9
-    g = np.einsum("fj,fjia,fji->fa", weight, J, residual)
-    step = -np.linalg.solve(H, g[..., None])[..., 0]
+    g = weighted @ residual.reshape(len(Y), 2 * Y.shape[1], 1)
+    step = -np.linalg.solve(H, g)[..., 0]
     omega = step[:, :3]
     length = np.linalg.norm(omega, axis=-1, keepdims=True)
     omega = omega * np.minimum(1.0, _MAX_ROTATION / np.maximum(length, 1e-12))
-    return np.einsum("fab,fjb->fja", exp_so3(omega), Y), root + step[:, 3:]
+    return Y @ np.swapaxes(exp_so3(omega), -1, -2), root + step[:, 3:]

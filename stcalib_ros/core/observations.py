@@ -70,7 +70,8 @@ def observe(
     """Collect the image points of all persons that at least two cameras see at a knot."""
     members = [cameras[c] for c in rig.cameras]
     C = len(members)
-    J = next(t.x.shape[1] for m in members for t in m.tracks)
+    some = next(t for m in members for t in m.tracks)
+    J, precision = some.x.shape[1], some.x.dtype
     n_knots = int(np.ceil(association.person_of[0].shape[1] * association.slot_s / step_s)) + 2
     cells = np.zeros((association.n_persons * n_knots, C), dtype=np.int64) - 1
     table = [_images(m, rig, i, association, step_s) for i, m in enumerate(members)]
@@ -79,7 +80,7 @@ def observe(
         cells[images.person[order] * n_knots + images.knot[order], c] = order
     rows = np.flatnonzero((cells >= 0).sum(-1) >= 2)
     N = len(rows)
-    x, focal = np.zeros((N, C, J, 2)), np.ones((N, C, J))
+    x, focal = np.zeros((N, C, J, 2), precision), np.ones((N, C, J), precision)
     seen = np.zeros((N, C, J), dtype=bool)
     phi, track = np.zeros((N, C)), np.full((N, C), -1, dtype=np.int64)
     for c, images in enumerate(table):

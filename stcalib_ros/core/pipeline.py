@@ -22,6 +22,7 @@ from stcalib_ros.core.checks import (
 from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.final.clock_rate import with_clock_rates
+from stcalib_ros.core.final.image_times import added_covariance, with_image_times
 from stcalib_ros.core.final.refine import refine
 from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.lift import LiftedCamera
@@ -374,17 +375,16 @@ class _Run:
             start = self._start(self._largest(start.rig, result))
 
     def _refine(self) -> FloatArray:
-        """Adjust with the biases of the key points and clock rates; covariance of the result."""
+        """Adjust with biases of key points, errors of stamps, clock rates; covariance of that."""
         bundle = self.options.bundle
         self._tick_round(1.0, self.rounds[-1])
         refined = refine(self.lifted, self.rounds[-1], self.skeleton.layout, bundle)
         if refined is not None:
             self.rounds += (refined.round,)
-        last = with_clock_rates(self.rounds[-1], bundle)
+        last = with_clock_rates(with_image_times(self.lifted, self.rounds[-1], bundle), bundle)
         self.rounds = (*self.rounds[:-1], last)
-        if refined is not None:
-            return refined.covariance
-        return pose_covariance(last.observations, last.state)
+        covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
+        return covariance if refined is None else covariance + refined.excess
 
     def _tick_round(self, fraction: float, before: Round) -> None:
         if self.adjusted is not None:

@@ -22,7 +22,7 @@ _BLOCKS = 8
 """Stretches of a track that count as independent."""
 _SCATTER = 2.0
 """They are not quite: neighbours share slow errors of the poses."""
-_MAX_FRAMES = 1000
+_MAX_FRAMES = 300
 _MIN_JOINTS = 6
 
 

@@ -35,11 +35,13 @@ MIN_EXPLAINED_OF_SHORT = 0.7
 MIN_EXPLAINED = 0.5
 SURE_ROTATION_STDDEV = 0.005
 SURE_BONE_ROTATION = 0.1
+SURE_OFFSET_CONTRAST = 3.0
 MIN_OFFSET_CONTRAST = 1.2
 _FAR_FRAMES = 3
 _CONTRAST_SCALE = 2.0
 _CONTRAST_JOINTS = 5
 _MIN_CONTRAST_POINTS = 60
+_BONE_FRAMES = 400
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +102,9 @@ class CameraEvidence:
                 "intrinsics, and that its key points belong to the image CameraInfo describes"
             )
         sure = (
-            self.rotation_stddev < SURE_ROTATION_STDDEV and self.bone_rotation < SURE_BONE_ROTATION
+            self.rotation_stddev < SURE_ROTATION_STDDEV
+            and self.bone_rotation < SURE_BONE_ROTATION
+            and self.offset_contrast > SURE_OFFSET_CONTRAST
         )
         if self.explained < MIN_EXPLAINED and not sure:
             return (
@@ -324,19 +328,21 @@ def bone_rotations(cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Ro
 def _matched_bones(
     cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Round, a: int, b: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Bones (M, 3), (M, 3) of the same moments in the two optical frames, metres."""
+    """Bones (M, 3), (M, 3) of the same moments in the two optical frames, metres; thinned."""
     rig = last.rig
     cam_a, cam_b = cameras[rig.cameras[a]], cameras[rig.cameras[b]]
     lag = rig.offset_s[a] - rig.offset_s[b]
     period = frame_period(cam_b.stamps)
     pairs_a, pairs_b = [np.zeros((0, 3))], [np.zeros((0, 3))]
-    for p, q in matches_of(last, a, b):
+    matches = matches_of(last, a, b)
+    stride = max(1, sum(len(cam_a.tracks[p].frames) for p, _ in matches) // _BONE_FRAMES)
+    for p, q in matches:
         track_a, track_b = cam_a.tracks[p], cam_b.tracks[q]
-        times = cam_a.stamps[track_a.frames]
+        times = cam_a.stamps[track_a.frames[::stride]]
         at = Interpolation(cam_b.stamps[track_b.frames], times + lag, period=period)
         slot = last.association.slot(times + rig.offset_s[a])
         same = last.association.person_of[a][p][slot] == last.association.person_of[b][q][slot]
-        v_a = _bones(track_a.joints_cam, skeleton)
+        v_a = _bones(track_a.joints_cam[::stride], skeleton)
         v_b = _bones(at(track_b.joints_cam), skeleton)
         good = np.isfinite(v_a + v_b).all(-1) & same[:, None]
         pairs_a.append(v_a[good])

@@ -174,6 +174,34 @@ class Linearisation:
         direct = self._gradients(q).reshape(T.shape[1:])
         return np.asarray(direct - np.einsum("kap,kp->ap", T, eliminated.z))
 
+    def by_time(self, scale: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What the points say about the time of each camera's image, poses given.
+
+        Returns
+        -------
+        h : (C, P) ndarray
+            Curvature by the time of one camera, the points fixed.
+        y : (3, C, P) ndarray
+            The points eliminated, the curvature by two times is ``h_c`` on the diagonal less
+            ``y_c . y_d``.
+        g : (C, P) ndarray
+            Gradient with the points eliminated.
+        """
+        m, q = self._weighted(scale)
+        R_T = np.swapaxes(self.cameras.R, -1, -2)
+        N = np.empty((3, len(m), 3, m.shape[1]))
+        mu = m[:, None] * self.u
+        N[0, :, 0], N[0, :, 1], N[1, :, 0], N[1, :, 1] = m, 0.0, 0.0, m
+        N[0, :, 2], N[1, :, 2] = -mu[:, 0], -mu[:, 1]
+        N[2, :, :2], N[2, :, 2] = -mu, (mu * self.u).sum(1)
+        pull = np.einsum("icjp,cjp->cip", N, self.RV, optimize=True)
+        H = np.einsum("cai,acbp,cbj->ijp", self.cameras.R, N, self.cameras.R, optimize=True)
+        factors = cholesky3(H, 0.0)
+        y = forward_solve(factors, (R_T @ pull).transpose(1, 0, 2).copy())
+        z = forward_solve(factors, (R_T @ q).sum(0))
+        g = (q * self.RV).sum(1) - (y * z[:, None]).sum(0)
+        return (pull * self.RV).sum(1), y, g
+
     def followed(self, eliminated: Eliminated, scale: float, d_camera: FloatArray) -> FloatArray:
         """Joints (P, 3) after a step (C, 7) of the cameras and the step of the points to it."""
         m, _ = self._weighted(scale)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core import stba
-from stcalib_ros.core.association import Association, associate
+from stcalib_ros.core.association import SLOT_SAMPLES, Association, associate
 from stcalib_ros.core.averaging import Rig
 from stcalib_ros.core.geometry import rotation_angle
 from stcalib_ros.core.lift import LiftedCamera
@@ -21,6 +21,8 @@ _FLOOR_PX = 8.0
 _FINAL_TOLERANCE = 0.05
 _TOLERANCE = 1.0
 _MAX_POINTS_FIRST = 5000
+_MAX_POINTS_BETWEEN = 10_000
+_ENOUGH_SLOTS = 12
 _MIN_SHARED_POINTS = 100
 _MIN_SHARE = 0.1
 _OTHER_ROTATION = 0.1
@@ -48,6 +50,23 @@ class ClockRates:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class StampErrors:
+    """Errors of single stamps of the cameras (C,), and what they leave unknown of the clocks.
+
+    Attributes
+    ----------
+    stddev_s : (C,) ndarray
+        Of the error of a stamp.
+    offset_variance, rate_variance : (C,) ndarray
+        Of their mean and of their trend, which no image tells from offset and rate of the clock.
+    """
+
+    stddev_s: FloatArray
+    offset_variance: FloatArray
+    rate_variance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Round:
     """What one round of association, adjustment and outlier removal left.
 
@@ -63,12 +82,14 @@ class Round:
     median_px : float
         Reprojection error of the inliers.
     coverage : float
-        How many joints stand behind each joint of the observations.
+        How many image points stand behind each one of the observations.
     share : float
         Of all image points of a camera, matched or not, the part that fits; of the camera
         with the smallest.
     clocks : ClockRates or None
         None where they were not asked for.
+    stamps : StampErrors or None
+        None where stamps have no errors that images tell.
     """
 
     rig: Rig
@@ -79,6 +100,7 @@ class Round:
     coverage: float
     share: float
     clocks: ClockRates | None = None
+    stamps: StampErrors | None = None
 
     def moved(self, observations: Observations, state: stba.BundleState) -> Round:
         """The same persons after one more adjustment of the same images."""
@@ -145,19 +167,38 @@ def first_round(
     cameras: Sequence[LiftedCamera], rig: Rig, o: BundleOptions, *, step_s: float
 ) -> Round | Unconnected:
     """Associate at the rig of the multi-view integration and adjust on a part of the joints."""
-    association = associate(cameras, rig, step_s=step_s, floor_px=_FIRST_FLOOR_PX)
-    return _round(cameras, rig, association, o, step_s, tolerance=2.0, max_points=_MAX_POINTS_FIRST)
+    every = _every_slot(cameras, rig, step_s)
+    association = associate(cameras, rig, step_s=step_s, floor_px=_FIRST_FLOOR_PX, every=every)
+    return _round(
+        *(cameras, rig, association, o, step_s),
+        tolerance=2.0,
+        every_slot=every,
+        max_points=_MAX_POINTS_FIRST,
+    )
 
 
 def next_round(
     cameras: Sequence[LiftedCamera], before: Round, o: BundleOptions, *, step_s: float, last: bool
 ) -> Round | Unconnected:
-    """Associate again, adjust without the outliers."""
-    association = associate(cameras, before.rig, step_s=step_s, floor_px=_FLOOR_PX)
+    """Associate again, adjust without the outliers; on a part of everything until the last."""
+    rig = before.rig
+    every = 1 if last else _every_slot(cameras, rig, step_s)
+    association = associate(cameras, rig, step_s=step_s, floor_px=_FLOOR_PX, every=every)
     tolerance = _FINAL_TOLERANCE if last else _TOLERANCE
     return _round(
-        cameras, before.rig, association, o, step_s, tolerance=tolerance, drop=True, last=last
+        *(cameras, rig, association, o, step_s),
+        tolerance=tolerance,
+        every_slot=every,
+        max_points=None if last else _MAX_POINTS_BETWEEN,
+        drop=True,
+        last=last,
     )
+
+
+def _every_slot(cameras: Sequence[LiftedCamera], rig: Rig, step_s: float) -> int:
+    """Step between the slots that are enough to begin with: 600 samples and more."""
+    longest = max(float(cameras[c].stamps[-1] - cameras[c].stamps[0]) for c in rig.cameras)
+    return max(1, int(longest / (SLOT_SAMPLES * step_s)) // _ENOUGH_SLOTS)
 
 
 def iterate(
@@ -219,6 +260,7 @@ def _round(
     step_s: float,
     *,
     tolerance: float,
+    every_slot: int,
     max_points: int | None = None,
     drop: bool = False,
     last: bool = False,
@@ -232,7 +274,7 @@ def _round(
     state = stba.initial_state(observations, rig)
     if drop:
         state = drop_outliers(observations, state, o)
-    total = image_points([cameras[c] for c in rig.cameras]) // every
+    total = image_points([cameras[c] for c in rig.cameras]) // (every * every_slot)
     groups = connected(state.used, total)
     if len(groups) > 1:
         return Unconnected(tuple(groups))
@@ -245,9 +287,8 @@ def _round(
     )
     if last:
         state = drop_outliers(observations, state, o)
-    return finish_round(
-        rig, association, observations, state, total, coverage=J / observations.x.shape[2]
-    )
+    coverage = every_slot * J / observations.x.shape[2]
+    return finish_round(rig, association, observations, state, total, coverage=coverage)
 
 
 def finish_round(

@@ -36,6 +36,8 @@ RAYLEIGH_MEDIAN = 1.17741
 MIN_SCALE_PX = 0.5
 _LEAST_SHARE = 0.2
 _MIN_RENEWALS = 8
+_HALF_WINDOW_S = 0.1
+_MIN_HALF_WINDOW = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,9 +118,15 @@ def _rays(x: FloatArray, rig: Rig) -> FloatArray:
 
 
 def motion(
-    o: Observations, X: FloatArray, present: BoolArray, *, half_window: int = 3
+    o: Observations, X: FloatArray, present: BoolArray, *, half_window: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Velocities and accelerations (N, J, 3) by a local cubic fit along each person's knots."""
+    """Velocities and accelerations (N, J, 3) by a local cubic fit along each person's knots.
+
+    Over a tenth of a second to either side unless another number of knots is given: with fewer,
+    noise in the velocities would draw the offsets towards whole frames.
+    """
+    if half_window is None:
+        half_window = max(_MIN_HALF_WINDOW, round(_HALF_WINDOW_S / o.step_s))
     V, A = np.zeros((2, *X.shape))
     for rows in persons_of(o):
         knots = o.knot[rows] - o.knot[rows][0]
@@ -263,6 +271,39 @@ def reduced_by_group(
         H.append(system.H / sigma**2)
         g.append(system.g / sigma**2)
     return np.stack(H), np.stack(g)
+
+
+def time_sums(
+    o: Observations, state: BundleState, group: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Normal equations of the times of the images of groups of rows, cameras given.
+
+    Parameters
+    ----------
+    o : Observations
+    state : BundleState
+    group : (N,) ndarray of int
+        Number of the group of each row; each camera has one time in each.
+
+    Returns
+    -------
+    H : (K, C, C) ndarray
+    g : (K, C) ndarray
+        Both in units of the noise of the image points, the points eliminated.
+    """
+    sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
+    problem = _Problem(o, state, CAUCHY * sigma, cost=0.0)
+    K, C, J = int(group.max()) + 1, *o.seen.shape[1:]
+    H, g = np.zeros((K, C, C)), np.zeros((K, C))
+    for block, at in problem.linearised():
+        number = group[block.points // J]
+        h, y, right = at.by_time(problem.scale)
+        for c in range(C):
+            g[:, c] += np.bincount(number, right[c], K)
+            H[:, c, c] += np.bincount(number, h[c], K)
+            for d in range(C):
+                H[:, c, d] -= np.bincount(number, (y[:, c] * y[:, d]).sum(0), K)
+    return H / sigma**2, g / sigma**2
 
 
 def cluster_scores(

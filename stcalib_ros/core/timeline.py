@@ -9,7 +9,7 @@ import numpy as np
 
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.skeleton import Skeleton
-from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray, SingleArray
 
 _MAX_GAP = 2.6
 """Samples further apart than this many periods are not bridged."""
@@ -37,8 +37,8 @@ class GridTracks:
     name: str
     start: float
     step: float
-    oriented: FloatArray
-    weight: FloatArray
+    oriented: SingleArray
+    weight: SingleArray
     position: FloatArray
 
     @property
@@ -60,8 +60,8 @@ def sample_camera(
     period = frame_period(camera.stamps)
     times: FloatArray = start + step * np.arange(n, dtype=np.float64)
     P, D = len(camera.tracks), len(skeleton.directions)
-    oriented = np.zeros((P, n, D, 3))
-    weight = np.zeros((P, n, D))
+    oriented = np.zeros((P, n, D, 3), np.float32)
+    weight = np.zeros((P, n, D), np.float32)
     position = np.full((P, n, 3), np.nan)
     for p, track in enumerate(camera.tracks):
         at = Interpolation(camera.stamps[track.frames], times, period=period)
@@ -74,8 +74,9 @@ def sample_camera(
         typical = np.sqrt(
             [np.median(length[k, d]) if k.any() else 0.0 for d, k in enumerate(known.T)]
         )
-        weight[p] = known * typical
-        oriented[p] = bones * (weight[p] / np.maximum(length, 1e-6))[..., None]
+        share = known * typical
+        weight[p] = share
+        oriented[p] = bones * (share / np.maximum(length, 1e-6))[..., None]
         position[p] = body
     return GridTracks(camera.name, start, step, oriented, weight, position)
 
@@ -141,5 +142,9 @@ class Interpolation:
 
 
 def common_step(cameras: Sequence[LiftedCamera]) -> float:
-    """Step of the grid: the frame period of the fastest camera."""
-    return min(frame_period(camera.stamps) for camera in cameras)
+    """Step of the grid: the median of the frame periods, the longer of two in the middle.
+
+    A finer one would leave most of its samples to one fast camera alone.
+    """
+    periods = sorted(frame_period(camera.stamps) for camera in cameras)
+    return periods[len(periods) // 2]

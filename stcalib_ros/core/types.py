@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from stcalib_ros.core.layouts import Layout
 
 FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
@@ -58,6 +59,8 @@ class Intrinsics:
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
     """One person as one camera's own tracker saw him: gaps, fragments and id switches included.
+
+    Poses are float64, or the float32 of messages, which takes half of the memory.
 
     Attributes
     ----------

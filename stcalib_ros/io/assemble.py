@@ -125,9 +125,9 @@ def _tracks(topic: str, images: Sequence[PoseImage], warn: Warn) -> tuple[Track,
             "image has; those with the higher score are kept"
         )
     order = order[np.concatenate([[True], ~same])]
-    keypoints = np.concatenate([image.keypoints for image in images], dtype=np.float64)
-    joints = np.concatenate([image.joints for image in images], dtype=np.float64)
-    joint_scores = np.concatenate([image.joint_scores for image in images], dtype=np.float64)
+    keypoints = np.concatenate([image.keypoints for image in images])
+    joints = np.concatenate([image.joints for image in images])
+    joint_scores = np.concatenate([image.joint_scores for image in images])
     starts = np.flatnonzero(np.diff(ids[order])) + 1
     return tuple(
         Track(int(ids[rows[0]]), frames[rows], keypoints[rows], joints[rows], joint_scores[rows])

@@ -229,3 +229,14 @@ def test_slots_are_by_the_clock_of_the_reference(exact_scene, exact_lifted):
     shifted = associate(late, replace(rig, offset_s=offset_s), step_s=FRAME_S, floor_px=FLOOR_PX)
     for one, two in zip(plain.person_of, shifted.person_of, strict=True):
         np.testing.assert_array_equal(one, two)
+
+
+def test_slots_that_are_left_out_hold_nobody_and_the_others_the_same(long_scene):
+    _, cameras = lifted(long_scene.recording)
+    settings = {"step_s": FRAME_S, "floor_px": FLOOR_PX}
+    whole = associate(cameras, true_rig(long_scene), **settings)
+    some = associate(cameras, true_rig(long_scene), every=2, **settings)
+    for one, other in zip(some.person_of, whole.person_of, strict=True):
+        assert one.shape == other.shape
+        np.testing.assert_array_equal(one[:, ::2], other[:, ::2])
+        assert (one[:, 1::2] == -1).all()

@@ -31,13 +31,14 @@ SOUND = CameraEvidence(
     offset_stddev_frames=0.01,
     bone_rotation=0.05,
     depth_ratio=1.0,
-    offset_contrast=3.0,
+    offset_contrast=6.0,
 )
 
 
 def test_sound_evidence_gives_no_complaint():
     assert SOUND.complaint() is None
     assert replace(SOUND, shared_s=1.0).complaint() is None
+    assert replace(SOUND, explained=0.2).complaint() is None
 
 
 @pytest.mark.parametrize(
@@ -49,6 +50,8 @@ def test_sound_evidence_gives_no_complaint():
             {"shared_s": 1.3, "explained": 0.6},
             "only 1.3 s of somebody's motion with the others, and only 60 % .* may be chance",
         ),
+        ({"explained": 0.2, "rotation_stddev": 0.01}, "only 20 % of all that it sees agrees"),
+        ({"explained": 0.2, "offset_contrast": 1.9}, "only 20 % of all that it sees agrees"),
         ({"bone_rotation": 1.0}, "disagree with its rotation by 57 degrees"),
         ({"bone_rotation": float("nan")}, "disagree with its rotation"),
         ({"depth_ratio": 1.7}, "people would be 1.7 times as far"),

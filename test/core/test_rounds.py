@@ -11,8 +11,9 @@ from bundle_helpers import problem
 from stcalib_ros.core import stba
 from stcalib_ros.core.averaging import Rig
 from stcalib_ros.core.geometry import exp_so3
+from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import BundleOptions
-from stcalib_ros.core.rounds import connected, drop_outliers, sub_rig
+from stcalib_ros.core.rounds import _every_slot, connected, drop_outliers, sub_rig
 
 
 def rig_of(rng, n=4):
@@ -159,3 +160,14 @@ def test_the_truth_fits_better_than_a_wrong_pose(small_stages):
     t[2] += [0.3, 0.0, 0.0]
     wrong = replace(last, state=replace(last.state, t_cam_ref=t))
     assert last.fit(8.0) > wrong.fit(8.0)
+
+
+# Long recordings
+
+
+@pytest.mark.parametrize(("n_frames", "every"), [(300, 1), (1150, 1), (1250, 2), (6050, 10)])
+def test_long_recordings_are_looked_at_in_parts_until_the_last_round(n_frames, every):
+    stamps = np.arange(n_frames) / 30
+    cameras = [LiftedCamera("a", stamps, ()), LiftedCamera("b", stamps[:5], ())]
+    rig = replace(rig_of(np.random.default_rng(0), 2), cameras=np.array([1, 0]))
+    assert _every_slot(cameras, rig, 1 / 30) == every

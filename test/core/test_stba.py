@@ -326,3 +326,14 @@ def test_motion_knows_of_missing_knots(rng):
     o = replace(p.o, person=p.o.person[rows], knot=p.o.knot[rows])
     V, _ = stba.motion(o, p.truth.X[rows], np.ones((18, 3), dtype=bool))
     np.testing.assert_allclose(V, p.truth.V[rows], atol=0.1)
+
+
+def test_noise_of_velocities_does_not_grow_with_the_rate(rng):
+    noise = []
+    for knots, step_s in ((300, 1 / 30), (600, 1 / 60)):
+        p = problem(rng, people=1, knots=knots)
+        o = replace(p.o, step_s=step_s)
+        X = rng.standard_normal(p.truth.X.shape)
+        V, _ = stba.motion(o, X, np.ones(X.shape[:2], dtype=bool))
+        noise.append(V[20:-20].std())
+    assert noise[1] < noise[0]

@@ -43,15 +43,16 @@ def with_clock_rates(last: Round, o: BundleOptions) -> Round:
     start, middle = last.observations, _middle(last)
     total = np.zeros(len(last.rig.cameras))
     stddev, told = total, total > 0.0
+    trend = total if last.stamps is None else last.stamps.rate_variance
     timed = last
     for _ in range(_PASSES):
         spans = _spans(timed, middle)
-        step, stddev = _rates(spans, timed.state, np.ones_like(told))
+        step, stddev = _rates(spans, timed.state, np.ones_like(told), trend)
         told = np.nan_to_num(stddev, nan=np.inf) <= _MAX_STDDEV
         told[0] = False
         if not told.any():
             return replace(last, clocks=ClockRates(total, _without_reference(stddev), middle))
-        step, stddev_told = _rates(spans, timed.state, told)
+        step, stddev_told = _rates(spans, timed.state, told, trend)
         stddev = np.where(told, stddev_told, stddev)
         total = total + np.where(told, step, 0.0)
         timed = _adjusted(last, start.phi + _since(last, middle)[:, None] * total, timed, o)
@@ -84,11 +85,12 @@ def _spans(last: Round, middle_s: float) -> _Spans:
 
 
 def _rates(
-    spans: _Spans, state: stba.BundleState, free: BoolArray
+    spans: _Spans, state: stba.BundleState, free: BoolArray, trend: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Steps (C,) of the rates from where they are, and their standard deviations.
 
-    The deviation is the larger one of that of independent noise and of what the spans differ by.
+    The deviation is the larger one of that of independent noise and of what the spans differ by,
+    and of the variances (C,) of the trends of stamps besides.
     """
     C = len(free)
     k = CAMERA * C
@@ -112,7 +114,7 @@ def _rates(
     if n > 2 * len(index):
         spread = inverse @ (U.T @ U) @ inverse * n / (n - len(index))
         variance[index] = np.maximum(variance[index], np.diag(spread))
-    return step[k:], np.sqrt(variance[k:])
+    return step[k:], np.sqrt(variance[k:] + trend + trend[0])
 
 
 def _adjusted(last: Round, phi: FloatArray, timed: Round, o: BundleOptions) -> Round:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core import stba
-from stcalib_ros.core.covariance import information_covariance, pose_covariance
+from stcalib_ros.core.covariance import information_covariance
 from stcalib_ros.core.final.aspect import trunk_of
 from stcalib_ros.core.final.fit import Eliminated, Fit, Problem, parts_of
 from stcalib_ros.core.layouts import Layout
@@ -35,8 +35,8 @@ class Refined:
     ----------
     round : Round
         Its image points are put back by the biases.
-    covariance : (7 C, 7 C) ndarray
-        As `pose_covariance` gives it, with what is not known of the biases.
+    excess : (7 C, 7 C) ndarray
+        What not to know the biases adds to the covariance of the cameras.
     gain : float
         By how much biases explain the image points better: logarithm of the ratio of the
         marginal likelihoods.
@@ -45,7 +45,7 @@ class Refined:
     """
 
     round: Round
-    covariance: FloatArray
+    excess: FloatArray
     gain: float
     spread: float
 
@@ -80,7 +80,7 @@ def refine(
     after = _adjusted(cameras, last, fit, trunk, o)
     return Refined(
         after,
-        pose_covariance(after.observations, after.state) + _excess(problem, fit, e),
+        _excess(problem, fit, e),
         gain,
         float(np.sqrt((fit.bias**2).sum(-1).mean())),
     )

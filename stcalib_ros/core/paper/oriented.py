@@ -52,7 +52,7 @@ def oriented_points(
     """Oriented points at ``start + step * k``; of the skeleton's directions the bones alone."""
     grid = sample_camera(camera, skeleton, start=start, step=step, n=n)
     bones = sum(parent >= 0 for parent in skeleton.layout.parents)
-    weight = grid.weight[:, :, :bones]
+    weight = grid.weight[:, :, :bones].astype(np.float64)
     known: FloatArray = np.where(weight > 0, 1.0, 0.0)
     v = grid.oriented[:, :, :bones] / np.where(weight > 0, weight, 1.0)[..., None]
     times: FloatArray = start + step * np.arange(n, dtype=np.float64)
