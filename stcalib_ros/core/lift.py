@@ -48,6 +48,12 @@ class LiftedTrack:
     focal: FloatArray
     joints_cam: FloatArray
 
+    def __getitem__(self, rows: slice | BoolArray) -> LiftedTrack:
+        """The same person in some of the frames."""
+        return LiftedTrack(
+            self.track_id, self.frames[rows], self.x[rows], self.focal[rows], self.joints_cam[rows]
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiftedCamera:

@@ -62,10 +62,7 @@ def registration_deviations(
 
 
 def _thinned(track: LiftedTrack) -> LiftedTrack:
-    rows = slice(None, None, -(-len(track.frames) // _MAX_FRAMES))
-    return LiftedTrack(
-        track.track_id, track.frames[rows], track.x[rows], track.focal[rows], track.joints_cam[rows]
-    )
+    return track[:: -(-len(track.frames) // _MAX_FRAMES)]
 
 
 def _centred(joints_a: FloatArray, joints_b: FloatArray) -> tuple[FloatArray, FloatArray]:

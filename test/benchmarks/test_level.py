@@ -9,30 +9,12 @@ import pytest
 from benchmarks import level, measure
 from benchmarks.scenarios import SCENARIOS, Scenario
 from stcalib_ros.core.errors import CalibrationError
-from stcalib_ros.core.synthetic import SceneOptions, simulate
+from stcalib_ros.core.synthetic import SceneOptions
 from stcalib_ros.core.types import Status, UncalibratedCamera
 
 SCENARIO = Scenario(
     "short", "a short scene", SceneOptions(n_frames=20), 3, Fraction(2, 3), {"E_R": 0.001}
 )
-
-
-@pytest.fixture
-def play(monkeypatch):
-    """Let the calibration return what a function makes of the truth."""
-
-    def play_with(answer):
-        truths = []
-
-        def simulated(*args, **kwargs):
-            scene = simulate(*args, **kwargs)
-            truths.append(scene.truth)
-            return scene
-
-        monkeypatch.setattr(measure, "simulate", simulated)
-        monkeypatch.setattr(measure, "calibrate", lambda recording: answer(truths[-1]))
-
-    return play_with
 
 
 def section(n_scenes=3):

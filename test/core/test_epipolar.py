@@ -210,22 +210,7 @@ def test_refinement_reaches_the_optimum_of_its_cost():
 
 def test_too_few_points_are_not_refined(subframe):
     cameras, truth = subframe
-    short = tuple(
-        replace(
-            c,
-            tracks=tuple(
-                replace(
-                    t,
-                    frames=t.frames[:2],
-                    x=t.x[:2],
-                    focal=t.focal[:2],
-                    joints_cam=t.joints_cam[:2],
-                )
-                for t in c.tracks
-            ),
-        )
-        for c in cameras
-    )
+    short = tuple(replace(c, tracks=tuple(track[:2] for track in c.tracks)) for c in cameras)
     assert refine_pair(short, replace(truth, matches=truth.matches[:1])) is None
 
 

@@ -83,15 +83,6 @@ def test_doubt_has_a_limit_and_one_moment_is_no_evidence(exact, rng):
         return joints + rng.normal(size=joints.shape)
 
     limit, _ = registration_deviations(changed(cam_a, noisy), cam_b, truth)
-    one = tuple(
-        replace(
-            t,
-            frames=t.frames[:1],
-            x=t.x[:1],
-            focal=t.focal[:1],
-            joints_cam=t.joints_cam[:1],
-        )
-        for t in cam_a.tracks
-    )
+    one = tuple(track[:1] for track in cam_a.tracks)
     single = replace(truth, matches=truth.matches[:1])
     assert registration_deviations(replace(cam_a, tracks=one), cam_b, single)[0] == limit
