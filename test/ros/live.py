@@ -24,7 +24,8 @@ from stcalib_ros.io.mcap_source import RawMessage, bag_files, raw_messages, topi
 
 TIMEOUT_S = 60.0
 KNOWN_AFTER_S = 0.3
-"""A server throws an answer away if it has not yet discovered who reads it (rmw_fastrtps#842)."""
+"""Each side discovers the other by itself. Until a server knows who reads its answer it throws it
+away (rmw_fastrtps#842); so do best-effort readers with messages of one whom they do not know."""
 AGAIN_AFTER_S = 5.0
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(
@@ -120,8 +121,7 @@ class Client:
         if name not in self._clients:
             client = self._clients[name] = self.node.create_client(kind, f"/{self.target}/{name}")
             self.wait(client.service_is_ready, f"service {name}")
-            known = time.monotonic() + KNOWN_AFTER_S
-            self.wait(lambda: time.monotonic() > known, "discovery")
+            self._become_known()
         return self._clients[name].call_async(kind.Request(**fields))
 
     def answer(self, kind: Any, name: str, **fields: Any) -> Any:
@@ -160,10 +160,14 @@ class Client:
 
     def publisher(self, kind: Any, topic: str) -> Any:
         if topic not in self._publishers:
-            self._publishers[topic] = self.node.create_publisher(kind, topic, RELIABLE)
-        publisher = self._publishers[topic]
-        self.wait(lambda: publisher.get_subscription_count() > 0, f"subscription to {topic}")
-        return publisher
+            publisher = self._publishers[topic] = self.node.create_publisher(kind, topic, RELIABLE)
+            self.wait(lambda: publisher.get_subscription_count() > 0, f"subscription to {topic}")
+            self._become_known()
+        return self._publishers[topic]
+
+    def _become_known(self) -> None:
+        known = time.monotonic() + KNOWN_AFTER_S
+        self.wait(lambda: time.monotonic() > known, "discovery")
 
     def change(self, **values: object) -> list[tuple[bool, str]]:
         """Set parameters; for each whether it succeeded, and why not."""
