@@ -93,6 +93,15 @@ SCENARIOS = (
         10,
         Fraction(9, 10),
     ),
+    Scenario(
+        "wide",
+        "lenses of 125 degrees in a room of five metres",
+        SceneOptions(
+            seed=8000, focal_px=500.0, ring_radius_m=(2.2, 3.0), area_radius_m=1.8, occlusions=True
+        ),
+        20,
+        Fraction(19, 20),
+    ),
     Scenario("short", "two seconds", SceneOptions(seed=5000, n_frames=60), 30, Fraction(28, 30)),
     Scenario(
         "gesturing",
