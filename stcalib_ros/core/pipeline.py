@@ -35,6 +35,7 @@ from stcalib_ros.core.quality import CameraEvidence, evidence
 from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
 from stcalib_ros.core.skeleton import Skeleton
+from stcalib_ros.core.slow_motion import put_back
 from stcalib_ros.core.timeline import common_step
 from stcalib_ros.core.types import (
     Calibration,
@@ -382,6 +383,8 @@ class _Run:
         if refined is not None:
             self.rounds += (refined.round,)
         last = with_clock_rates(with_image_times(self.lifted, self.rounds[-1], bundle), bundle)
+        state = put_back(last.observations, last.state, iterations=bundle.max_iterations)
+        last = last.moved(last.observations, state)
         self.rounds = (*self.rounds[:-1], last)
         covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
         return covariance if refined is None else covariance + refined.excess
