@@ -22,6 +22,7 @@ _HALF_WINDOW_S = 0.25
 _MIN_HALF_WINDOW = 4
 _DRAWN_FRAMES = 0.1
 """More than what smoothing does to the offsets of people who walk."""
+_FURTHEST_FRAMES = 0.5
 _SETTLED_FRAMES = 0.01
 _PASSES = 6
 
@@ -33,18 +34,31 @@ def calmed(o: Observations, state: stba.BundleState) -> stba.BundleState:
     return replace(state, V=V, A=A)
 
 
-def drawn_s(o: Observations, state: stba.BundleState) -> FloatArray:
+def noise_share(state: stba.BundleState, calm: stba.BundleState) -> float:
+    """Energy of what calmer velocities leave away, over their own: noise, if there is much of it.
+
+    Offsets are drawn by about that share of the way to the nearest whole frame.
+    """
+    known = state.used.sum(1) >= 2
+    left_away, left = (state.V - calm.V)[known], calm.V[known]
+    return float((left_away**2).sum() / max(float((left**2).sum()), 1e-12))
+
+
+def drawn_s(o: Observations, calm: stba.BundleState) -> FloatArray:
     """By how much offsets (C,) move in the first step with calmer velocities, seconds."""
     one_group = np.zeros(len(o.person), dtype=np.int64)
-    H, g = stba.reduced_by_group(o, calmed(o, state), one_group)
+    H, g = stba.reduced_by_group(o, calm, one_group)
     system = ReducedSystem(H[0], g[0])
-    step = stba.solve_reduced(system, state.t_cam_ref, synchronised=state.synchronised)
+    step = stba.solve_reduced(system, calm.t_cam_ref, synchronised=calm.synchronised)
     return np.asarray(-step[:, 6])
 
 
 def put_back(o: Observations, state: stba.BundleState, *, iterations: int) -> stba.BundleState:
     """The state adjusted with calmer velocities, if noise in them has drawn its offsets."""
-    if state.synchronised or np.abs(drawn_s(o, state)).max() < _DRAWN_FRAMES * o.step_s:
+    calm = calmed(o, state)
+    if state.synchronised or noise_share(state, calm) < _DRAWN_FRAMES / _FURTHEST_FRAMES:
+        return state
+    if np.abs(drawn_s(o, calm)).max() < _DRAWN_FRAMES * o.step_s:
         return state
     for _ in range(_PASSES):
         before = state.shift_s

@@ -9,7 +9,7 @@ import pytest
 from bundle_helpers import STEP_S, problem
 
 from stcalib_ros.core import stba
-from stcalib_ros.core.slow_motion import calmed, drawn_s, put_back
+from stcalib_ros.core.slow_motion import calmed, drawn_s, noise_share, put_back
 
 MOST_OF_A_FRAME = 0.8 * STEP_S
 SLOW = {"pace_m_s": 0.2, "acceleration": 0.02}
@@ -43,12 +43,22 @@ def test_the_first_step_points_to_the_true_offset(rng):
     p, state = adjusted(rng, **SLOW)
     worst = 1 + int(error_frames(p, state).argmax())
     towards = p.truth.shift_s[worst] - state.shift_s[worst]
-    assert np.sign(drawn_s(p.o, state)[worst]) == np.sign(towards)
+    assert np.sign(drawn_s(p.o, calmed(p.o, state))[worst]) == np.sign(towards)
 
 
 def test_offsets_of_fast_people_stay_as_they_are(rng):
     p, state = adjusted(rng)
     assert put_back(p.o, state, iterations=30) is state
+
+
+def test_the_share_of_noise_is_about_that_of_the_velocities(rng):
+    _, fast = adjusted(rng)
+    p, slow = adjusted(rng, **SLOW)
+    assert noise_share(fast, calmed(p.o, fast)) < 0.1
+    share = noise_share(slow, calmed(p.o, slow))
+    error, true = slow.V - p.truth.V, p.truth.V
+    true_share = (error**2).sum() / (true**2).sum()
+    assert 0.3 * true_share < share <= true_share
 
 
 def test_known_clocks_are_left_alone(rng):
