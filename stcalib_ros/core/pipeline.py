@@ -21,6 +21,7 @@ from stcalib_ros.core.checks import (
 )
 from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.errors import Cancelled
+from stcalib_ros.core.evidence import CameraEvidence, evidence
 from stcalib_ros.core.final.clock_rate import with_clock_rates
 from stcalib_ros.core.final.image_times import added_covariance, with_image_times
 from stcalib_ros.core.final.refine import refine
@@ -31,7 +32,6 @@ from stcalib_ros.core.pairs import pair_tasks, registered, spread
 from stcalib_ros.core.paper.pairs import Views, lift_views
 from stcalib_ros.core.paper.stages import Grid, adjust_pairs, integrate_pairs, register_pairs
 from stcalib_ros.core.placement import Placement, place
-from stcalib_ros.core.quality import CameraEvidence, evidence
 from stcalib_ros.core.resection import Resection, joined, register_again
 from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
