@@ -21,6 +21,7 @@ from stcalib_ros.core.checks import (
 )
 from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.errors import Cancelled
+from stcalib_ros.core.evidence import CameraEvidence, evidence
 from stcalib_ros.core.final.clock_rate import with_clock_rates
 from stcalib_ros.core.final.image_times import added_covariance, with_image_times
 from stcalib_ros.core.final.refine import refine
@@ -31,10 +32,11 @@ from stcalib_ros.core.pairs import pair_tasks, registered, spread
 from stcalib_ros.core.paper.pairs import Views, lift_views
 from stcalib_ros.core.paper.stages import Grid, adjust_pairs, integrate_pairs, register_pairs
 from stcalib_ros.core.placement import Placement, place
-from stcalib_ros.core.quality import CameraEvidence, evidence
+from stcalib_ros.core.resection import Resection, joined, register_again
 from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
 from stcalib_ros.core.skeleton import Skeleton
+from stcalib_ros.core.slow_motion import put_back
 from stcalib_ros.core.timeline import common_step
 from stcalib_ros.core.types import (
     Calibration,
@@ -56,6 +58,25 @@ _OTHER_OFFSET_FRAMES = 3.0
 
 _Start = tuple[Round, list[UncalibratedCamera]]
 _FIT_SCALE_PX = 12.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solution:
+    """An adjustment that was brought to the end, and the cameras that it is without."""
+
+    rounds: tuple[Round, ...]
+    covariance: FloatArray
+    evidence: tuple[CameraEvidence, ...]
+    rejected: tuple[UncalibratedCamera, ...]
+
+    @property
+    def last(self) -> Round:
+        return self.rounds[-1]
+
+    @property
+    def sound(self) -> bool:
+        """No camera has to be doubted."""
+        return all(one.complaint() is None for one in self.evidence)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -217,18 +238,47 @@ class _Run:
         self.rigs = tuple(replace(rig, synchronised=self.options.synchronised) for rig in rigs)
         start, rival = self._best_start()
         complaint = None if rival is None else self._rivalry(start, rival)
+        found = self._solved(start, give_up=complaint is not None)
+        if complaint is None:
+            found = self._with_those_left_out(found, selection.cameras)
+        return self._verdict(found, complaint)
+
+    def _solved(self, start: Round, *, give_up: bool = False) -> _Solution:
+        """Adjust to the end, without cameras that have to be doubted."""
         while True:
-            self.rounds = self._iterate(start)
-            covariance = self._refine()
-            last = self.rounds[-1]
+            rounds = self._iterate(start)
+            rounds, covariance = self._refined(rounds)
+            last = rounds[-1]
             self.tick("quality", 0.0)
             found = self._evidence(last, covariance)
             bad = [i for i, e in enumerate(found) if e.complaint() is not None]
-            if not bad or complaint or 2 * len(bad) >= len(found):
-                return self._verdict(covariance, complaint, found)
+            if not bad or give_up or 2 * len(bad) >= len(found):
+                return _Solution(rounds, covariance, found, tuple(self.rejected))
             worst = min(bad, key=lambda i: found[i].inliers)
             self._reject(last.rig, [worst], str(found[worst].complaint()))
             start = self._start(sub_rig(last.rig, _all_but(len(found), [worst])))
+
+    def _with_those_left_out(self, before: _Solution, order: Sequence[int]) -> _Solution:
+        """The solution with cameras that come back now that the people are known, if any do."""
+        present = before.last.rig.cameras.tolist()
+        found: dict[int, Resection] = {}
+        if not before.sound:
+            return before
+        for c in order:
+            if c not in present:
+                self.tick("registration of a camera that was left out", 0.0)
+                one = register_again(self.lifted, c, self.skeleton, before.last, self.options)
+                found |= {} if one is None else {c: one}
+        if not found:
+            return before
+        back = [self.lifted[c].name for c in found]
+        self.rejected = [r for r in before.rejected if r.name not in back]
+        try:
+            after = self._solved(self._start(joined(before.last.rig, found, order)))
+        except Insufficient:
+            return before
+        kept = set(after.last.rig.cameras.tolist())
+        return after if after.sound and kept > set(present) else before
 
     def _by_the_paper(self, cameras: Sequence[int]) -> Calibration:
         """The paper's own stages, from pairwise registration to ISTBA."""
@@ -243,10 +293,10 @@ class _Run:
             if not isinstance(result, Unconnected):
                 break
             rig = self._largest(rig, result)
-        self.rounds = result
-        last = self.rounds[-1]
+        last = result[-1]
         covariance = pose_covariance(last.observations, last.state)
-        return self._verdict(covariance, None, self._evidence(last, covariance))
+        found = self._evidence(last, covariance)
+        return self._verdict(_Solution(result, covariance, found, tuple(self.rejected)), None)
 
     def _grid(self, cameras: Sequence[int]) -> tuple[float, int]:
         """Time of the first sample and number of samples that hold all images of some cameras."""
@@ -374,17 +424,21 @@ class _Run:
                 return result
             start = self._start(self._largest(start.rig, result))
 
-    def _refine(self) -> FloatArray:
+    def _refined(self, rounds: tuple[Round, ...]) -> tuple[tuple[Round, ...], FloatArray]:
         """Adjust with biases of key points, errors of stamps, clock rates; covariance of that."""
         bundle = self.options.bundle
-        self._tick_round(1.0, self.rounds[-1])
-        refined = refine(self.lifted, self.rounds[-1], self.skeleton.layout, bundle)
+        self._tick_round(1.0, rounds[-1])
+        refined = refine(self.lifted, rounds[-1], self.skeleton.layout, bundle)
         if refined is not None:
-            self.rounds += (refined.round,)
-        last = with_clock_rates(with_image_times(self.lifted, self.rounds[-1], bundle), bundle)
-        self.rounds = (*self.rounds[:-1], last)
+            rounds += (refined.round,)
+        last = with_clock_rates(with_image_times(self.lifted, rounds[-1], bundle), bundle)
+        state = put_back(last.observations, last.state, iterations=bundle.max_iterations)
+        if state is not last.state:
+            last = last.moved(last.observations, state)
         covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
-        return covariance if refined is None else covariance + refined.excess
+        if refined is not None:
+            covariance = covariance + refined.excess
+        return (*rounds[:-1], last), covariance
 
     def _tick_round(self, fraction: float, before: Round) -> None:
         if self.adjusted is not None:
@@ -426,11 +480,10 @@ class _Run:
             "or record more varied motion"
         )
 
-    def _verdict(
-        self, covariance: FloatArray, complaint: str | None, found: Sequence[CameraEvidence]
-    ) -> Calibration:
+    def _verdict(self, solution: _Solution, complaint: str | None) -> Calibration:
         """The result, with its status."""
-        last = self.rounds[-1]
+        self.rounds, self.rejected = solution.rounds, list(solution.rejected)
+        last, covariance, found = solution.last, solution.covariance, solution.evidence
         names = [self.lifted[c].name for c in last.rig.cameras]
         doubts = [
             f"{n}: {e.complaint()}" for n, e in zip(names, found, strict=True) if e.complaint()

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core import stba
+from stcalib_ros.core.agreement import pair_residuals
 from stcalib_ros.core.covariance import PARAMETERS
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.persons import found_persons
 from stcalib_ros.core.placement import Placement
-from stcalib_ros.core.quality import pair_residuals
 from stcalib_ros.core.rounds import Round
 from stcalib_ros.core.skeleton import Skeleton
 from stcalib_ros.core.types import (

@@ -14,6 +14,7 @@ from stcalib_ros.core.geometry import rotation_angle
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.observations import Observations, observe
 from stcalib_ros.core.options import BundleOptions
+from stcalib_ros.core.slow_motion import put_back
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _FIRST_FLOOR_PX = 15.0
@@ -27,7 +28,8 @@ _MIN_SHARED_POINTS = 100
 _MIN_SHARE = 0.1
 _OTHER_ROTATION = 0.1
 _OTHER_POSITION = 0.3
-_OTHER_DISTANCE = 0.1
+_OTHER_DISTANCE = 0.03
+_OTHER_SCALE = 1.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -285,6 +287,7 @@ def _round(
         tolerance=tolerance,
         renew_velocities=last,
     )
+    state = put_back(observations, state, iterations=o.max_iterations)
     if last:
         state = drop_outliers(observations, state, o)
     coverage = every_slot * J / observations.x.shape[2]
@@ -366,10 +369,15 @@ def _rig_of(state: stba.BundleState, rig: Rig) -> Rig:
 
 
 def _elsewhere(one: Rig, other: Rig, tolerance_s: float) -> BoolArray:
-    """Cameras (C,) that stand, look or run elsewhere in another rig of the same cameras."""
+    """Cameras (C,) that stand, look or run elsewhere in another rig of the same cameras.
+
+    By how much most of them are further away is the size that the people are taken for.
+    """
     turned = rotation_angle(np.swapaxes(one.R_ref_cam, -1, -2) @ other.R_ref_cam)
-    apart = np.linalg.norm(one.t_ref_cam - other.t_ref_cam, axis=-1)
-    reach = np.linalg.norm(one.t_ref_cam, axis=-1)
+    reach, its_reach = (np.linalg.norm(rig.t_ref_cam, axis=-1) for rig in (one, other))
+    scale = np.median(reach[1:] / np.maximum(its_reach[1:], 1e-9))
+    scale = np.clip(scale, 1 / _OTHER_SCALE, _OTHER_SCALE)
+    apart = np.linalg.norm(one.t_ref_cam - scale * other.t_ref_cam, axis=-1)
     shifted = np.abs(one.offset_s - other.offset_s)
     moved = apart > _OTHER_POSITION + _OTHER_DISTANCE * reach
     return np.asarray((turned > _OTHER_ROTATION) | moved | (shifted > tolerance_s))
