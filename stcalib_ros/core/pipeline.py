@@ -38,22 +38,13 @@ from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
 from stcalib_ros.core.skeleton import Skeleton
 from stcalib_ros.core.slow_motion import put_back
+from stcalib_ros.core.starts import best_start
 from stcalib_ros.core.timeline import common_step
-from stcalib_ros.core.types import Calibration, FloatArray, Recording, UncalibratedCamera
+from stcalib_ros.core.types import Calibration, FloatArray, Recording
 from stcalib_ros.core.verdict import Solution, judge, rivalry
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it that is done."""
-
-_RIVAL_SUPPORT = 0.5
-_FEW_RIGS = 3
-_COMPLETE = 0.6
-_CLOSE = 0.3
-_DECISIVE = 0.1
-_OTHER_OFFSET_FRAMES = 3.0
-
-_Start = tuple[Round, tuple[UncalibratedCamera, ...]]
-_FIT_SCALE_PX = 12.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -215,7 +206,7 @@ class _Run:
             rng=np.random.default_rng(self.options.seed),
         )
         self.rigs = tuple(replace(rig, synchronised=self.options.synchronised) for rig in rigs)
-        start, rival = self._best_start()
+        start, rival = best_start(self.rigs, self._start, self.left_out, self.tick)
         if rival is not None:
             range_s = self.options.offset_range_s
             complaint = rivalry(start, rival, offset_range_s=range_s)
@@ -308,52 +299,6 @@ class _Run:
         )
         return tuple(h for hypotheses in found for h in hypotheses)
 
-    def _best_start(self) -> tuple[Round, Round | None]:
-        """First adjustment of the candidate rigs: the best fit, and a rival that fits as well."""
-        starts = self._first_rounds()
-        fits = _fits(starts)
-        best = max(fits)
-        close = [s for s, fit in zip(starts, fits, strict=True) if fit >= best - _CLOSE * abs(best)]
-        if len(close) > 1:
-            close = [self._repeated(start) for start in close]
-        fits = _fits(close)
-        first, *others = np.argsort([-fit for fit in fits], kind="stable").tolist()
-        start, self.left_out.cameras = close[first]
-        for k in others:
-            n_other = start.differing(close[k][0], _OTHER_OFFSET_FRAMES * self.step_s)
-            stake = abs(fits[first]) * n_other / len(start.rig.cameras)
-            if n_other and fits[first] - fits[k] < _DECISIVE * stake:
-                return start, close[k][0]
-        return start, None
-
-    def _first_rounds(self) -> list[_Start]:
-        """First rounds of the best supported rigs: of three, of all while none explains enough."""
-        before = self.left_out.cameras
-        starts: list[_Start] = []
-        why: Insufficient | None = None
-        for k, rig in enumerate(self.rigs):
-            complete = any(start.share > _COMPLETE for start, _ in starts)
-            supported = rig.support >= _RIVAL_SUPPORT * self.rigs[0].support
-            if starts and not (supported and (k < _FEW_RIGS or not complete)):
-                break
-            self.tick("first adjustment", k / len(self.rigs))
-            self.left_out.cameras = before
-            try:
-                starts.append((self._start(rig), self.left_out.cameras))
-            except Insufficient as reason:
-                why = why or reason
-        if why is not None and not starts:
-            raise why
-        return starts
-
-    def _repeated(self, start: _Start) -> _Start:
-        """The same once more from where it came to: persons are found better by then."""
-        self.left_out.cameras = start[1]
-        try:
-            return self._start(start[0].rig), self.left_out.cameras
-        except Insufficient:
-            return start
-
     def _start(self, rig: Rig) -> Round:
         """First round at a rig; cameras that fall off are reported and left out."""
         while True:
@@ -422,9 +367,3 @@ class _Run:
 
 def _all_but(n: int, left_out: Sequence[int]) -> list[int]:
     return [i for i in range(n) if i not in left_out]
-
-
-def _fits(starts: Sequence[_Start]) -> list[float]:
-    """How well each fits, all by the same measure."""
-    scale_px = max(_FIT_SCALE_PX, 2.0 * min(start.median_px for start, _ in starts))
-    return [start.fit(scale_px) for start, _ in starts]
