@@ -69,7 +69,8 @@ def found(recording: Recording, options: Options, *, progress: Any) -> Calibrati
     for stage in ("lifting", "solving"):
         for fraction in (0.0, 0.5, 1.0):
             progress(stage, fraction)
-    return truth(message="Found.", uncalibrated=(UncalibratedCamera("cam05", "saw nobody"),))
+    left_out = (UncalibratedCamera("cam05", "saw nobody"),)
+    return truth(message="Found; least is known of cam03", uncalibrated=left_out)
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["calibrate", "--help"]])
@@ -106,12 +107,13 @@ def test_calibrate(
 ) -> None:
     solve(found)
     assert main(["calibrate", BAG, "--output", str(tmp_path / "out.yaml")]) == 0
-    assert read_result(tmp_path / "out.yaml").message == "Found."
+    assert read_result(tmp_path / "out.yaml").message == "Found; least is known of cam03"
     assert [p.name for p in tmp_path.iterdir()] == ["out.yaml"]
     out, err = capsys.readouterr()
     assert err.splitlines() == ["reading the bag", "lifting", "solving"]
     assert "4 of 5 cameras calibrated on 3 persons" in out
     assert "-317.00 ms +- 0.00" in out
+    assert "\nLeast is known of cam03.\n" in out
     assert "NOT calibrated: cam05: saw nobody" in out
     assert "T_ref_cam" in out
     assert "t_ref = t_cam + offset" in out

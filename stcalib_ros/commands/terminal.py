@@ -87,6 +87,8 @@ def calibration_text(calibration: Calibration) -> str:
         f"reprojection error {calibration.reprojection_rms_px:.2f} px (rms)."
     )
     parts = [head, _cameras(calibration), _directions(calibration)]
+    if calibration.remarks:
+        parts.append("\n".join(calibration.remarks))
     if calibration.persons:
         parts.append(_persons(calibration))
     parts += [f"NOT calibrated: {c.name}: {c.reason}" for c in calibration.uncalibrated]

@@ -18,8 +18,10 @@ _CONTRAST_JOINTS = 5
 _MIN_CONTRAST_POINTS = 60
 
 
-def offset_contrasts(last: Round, *, max_shift: int) -> FloatArray:
+def offset_contrasts(last: Round, *, max_shift: int) -> tuple[FloatArray, FloatArray]:
     """Error (C,) of each camera's best other offset over its error at the offset found.
+
+    And how far away (C,) that one is, seconds.
 
     The error is the epipolar distance to the points of the other cameras, shifted by whole
     knots: it owes nothing to the triangulated points. Where nobody moves, all shifts fit
@@ -42,9 +44,10 @@ def offset_contrasts(last: Round, *, max_shift: int) -> FloatArray:
     known = count >= _MIN_CONTRAST_POINTS
     mean = np.where(known, total / np.maximum(count, 1), np.inf)
     found = np.flatnonzero(shifts == 0)[0]
-    others = np.where(shifts != 0, mean, np.inf).min(1)
+    others = np.where(shifts != 0, mean, np.inf)
     here = np.where(known[:, found], np.maximum(mean[:, found], 1e-12), np.inf)
-    return np.where(known[:, found], others, 0.0) / here
+    away_s = np.abs(shifts[others.argmin(1)]) * last.observations.step_s
+    return np.where(known[:, found], others.min(1), 0.0) / here, away_s
 
 
 def _shifted_costs(

@@ -64,6 +64,8 @@ class CameraEvidence:
         other cameras.
     offset_contrast : float
         How many times worse the best other offset, three frames or more away, fits.
+    other_offset_s : float
+        How far away that one is.
     """
 
     inliers: int
@@ -76,6 +78,7 @@ class CameraEvidence:
     bone_rotation: float
     depth_ratio: float
     offset_contrast: float
+    other_offset_s: float
 
     def complaint(self) -> str | None:
         """The first thing that is wrong, with its number and what would help; None if nothing."""
@@ -138,9 +141,10 @@ class CameraEvidence:
             )
         if not self.offset_contrast > MIN_OFFSET_CONTRAST:
             return (
-                "its clock offset cannot be told: one that is three frames or more away fits as "
-                f"well (error {self.offset_contrast:.2f} times as large, {MIN_OFFSET_CONTRAST:.2f} "
-                "needed); people have to move more, and not in the same rhythm all the time"
+                f"its clock offset cannot be told: one that is {self.other_offset_s:.2f} s away "
+                f"fits as well (error {self.offset_contrast:.2f} times as large, "
+                f"{MIN_OFFSET_CONTRAST:.2f} needed); people have to move more, and not in the same "
+                "rhythm all the time"
             )
         if not self.offset_stddev_frames < MAX_OFFSET_STDDEV_FRAMES:
             return (
@@ -173,7 +177,7 @@ def evidence(
     """
     C, frame_s = len(last.rig.cameras), last.observations.step_s
     asked = not last.rig.synchronised
-    contrast = offset_contrasts(last, max_shift=int(np.ceil(offset_range_s / frame_s)))
+    contrast, away_s = offset_contrasts(last, max_shift=int(np.ceil(offset_range_s / frame_s)))
     used, seen = last.state.used.sum((0, 2)), last.observations.seen.sum((0, 2))
     shared = last.state.used.any(2).sum(0)
     total = image_points([cameras[c] for c in last.rig.cameras])
@@ -200,6 +204,7 @@ def evidence(
                 bone_rotation=float(np.nanmin(turned[c], initial=np.inf)),
                 depth_ratio=float(depth[c]),
                 offset_contrast=float(contrast[c]) if asked and c else float("inf"),
+                other_offset_s=float(away_s[c]),
             )
         )
     return tuple(found)

@@ -20,16 +20,15 @@ from stcalib_ros.core.geometry import exp_so3, hat, rotation_angle
 from stcalib_ros.core.hypotheses import PairHypothesis, register_pair
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.reconstruction import joint_paths
+from stcalib_ros.core.reconstruction import people_on_grid
 from stcalib_ros.core.reduction import NEAREST
 from stcalib_ros.core.rounds import Round, sub_rig
 from stcalib_ros.core.skeleton import Skeleton
-from stcalib_ros.core.timeline import GridTracks, sample_camera, tracks_on_grid
+from stcalib_ros.core.timeline import sample_camera
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _LOOSE = 0.5
 """Bones of poor poses agree no better than by this; what fits is up to the image points."""
-_MAX_PEOPLE = 24
 _MAX_IMAGES = 300
 _STEPS = 15
 _LEAST_STEPS = 5
@@ -131,32 +130,12 @@ def _hypotheses(
     start = min(first, float(camera.stamps[0]))
     end = max(first, float(camera.stamps[0])) + longest
     n = int((end - start) / step) + 2
-    people = _people_on_grid(skeleton, last, start=start, n=n)
+    people, _ = people_on_grid(skeleton, last, start=start, n=n)
     seen = sample_camera(camera, skeleton, start=start, step=step, n=n)
     max_lag = int(np.ceil(2.0 * o.offset_range_s / step))
     close = register_pair(0, 1, people, seen, max_lag, o.registration)
     loose = register_pair(0, 1, people, seen, max_lag, o.registration, thresholds=(_LOOSE,))
     return (*close, *loose)
-
-
-def _people_on_grid(skeleton: Skeleton, last: Round, *, start: float, n: int) -> GridTracks:
-    """The reconstructed people, those that are seen longest, in the frame of the reference."""
-    o = last.observations
-    before = round((o.start_s - start) / o.step_s)
-    knots = [(int(k[0]), path) for k, path in zip(_knots(last), joint_paths(last), strict=True)]
-    longest = sorted(knots, key=lambda one: -len(one[1]))[:_MAX_PEOPLE]
-    paths = []
-    for first, joints in longest:
-        path = np.full((n, *joints.shape[1:]), np.nan)
-        path[before + first : before + first + len(joints)] = joints
-        paths.append(path)
-    return tracks_on_grid("people", paths, skeleton, start=start, step=o.step_s, n=n)
-
-
-def _knots(last: Round) -> list[IntArray]:
-    o = last.observations
-    edges = np.flatnonzero(np.diff(o.person)) + 1
-    return np.split(o.knot, edges)
 
 
 class _Predicted(NamedTuple):

@@ -283,3 +283,11 @@ class Calibration:
         """Frame that the poses are expressed in; empty if there are no cameras."""
         frames = {camera.name: camera.frame_id for camera in self.cameras}
         return self.frame_id or frames.get(self.reference, "")
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the message of a good calibration says beyond how many cameras it has."""
+        if self.status is not Status.OK:
+            return ()
+        sentences = self.message.split("; ")[1:]
+        return tuple(f"{text[:1].upper()}{text[1:]}." for text in sentences)

@@ -66,7 +66,9 @@ def _sentence(c: Calibration) -> str:
         f"{c.n_inliers} of {c.n_observations} image points fit, with a reprojection error of "
         f"{c.reprojection_rms_px:.2f} px (rms)."
     )
-    return found if c.status is Status.OK else f"{_capital(c.message)}. Found: {found}"
+    if c.status is not Status.OK:
+        return f"{_capital(c.message)}. Found: {found}"
+    return " ".join([found, *c.remarks])
 
 
 def _count(n: int, what: str) -> str:

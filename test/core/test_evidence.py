@@ -22,6 +22,7 @@ SOUND = CameraEvidence(
     bone_rotation=0.05,
     depth_ratio=1.0,
     offset_contrast=6.0,
+    other_offset_s=0.4,
 )
 
 
@@ -50,7 +51,7 @@ def test_sound_evidence_gives_no_complaint():
         ({"rotation_stddev": 0.05}, "rotation is uncertain by 2.9 degrees"),
         ({"rotation_stddev": float("nan")}, "rotation is uncertain"),
         ({"centre_stddev": 0.2}, "position is uncertain by 20 % of its distance"),
-        ({"offset_contrast": 1.05}, "clock offset cannot be told: .* 1.05 times"),
+        ({"offset_contrast": 1.05}, "cannot be told: one that is 0.40 s away .* 1.05 times"),
         ({"offset_contrast": float("nan")}, "clock offset cannot be told"),
         ({"offset_stddev_frames": 2.5}, "clock offset is uncertain by 2.5 frames"),
         ({"offset_stddev_frames": float("inf")}, "clock offset is uncertain by inf frames"),
