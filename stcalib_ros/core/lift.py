@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.geometry import bearings, exp_so3, hat
+from stcalib_ros.core.shutter import GLOBAL, Shutter, shutter_of
 from stcalib_ros.core.skeleton import Skeleton
 from stcalib_ros.core.types import BoolArray, CameraRecording, FloatArray, IntArray, Recording
 
@@ -40,6 +41,9 @@ class LiftedTrack:
         Pixels per unit of `x`.
     joints_cam : (F, J, 3) ndarray
         Joints in the optical frame, metres; NaN where the frame could not be lifted.
+    rows : (F, J) ndarray or None
+        Of the key points in the image, px, counted from the middle row of the shutter; None where
+        all shutters take all rows at once.
     """
 
     track_id: int
@@ -47,19 +51,36 @@ class LiftedTrack:
     x: FloatArray
     focal: FloatArray
     joints_cam: FloatArray
+    rows: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiftedCamera:
-    """All lifted tracks of one camera, with its stamps (N,), seconds by its own clock."""
+    """All lifted tracks of one camera.
+
+    Attributes
+    ----------
+    name : str
+    stamps : (N,) ndarray
+        Seconds by its own clock; of the middle row of its shutter.
+    tracks : tuple of LiftedTrack
+    shutter : Shutter
+    """
 
     name: str
     stamps: FloatArray
     tracks: tuple[LiftedTrack, ...]
+    shutter: Shutter = GLOBAL
 
 
 def lift_recording(
-    recording: Recording, skeleton: Skeleton, *, min_score: float, turn: bool = True
+    recording: Recording,
+    skeleton: Skeleton,
+    *,
+    min_score: float,
+    turn: bool = True,
+    rows: bool = False,
+    from_first_row: bool = False,
 ) -> tuple[LiftedCamera, ...]:
     """Lift every track of every camera; tracks that cannot be lifted at all are left out.
 
@@ -71,16 +92,29 @@ def lift_recording(
         Joints with a lower score are not used.
     turn : bool
         Turn the poses onto their key points; else they are placed only.
+    rows : bool
+        Keep the rows of the key points though all shutters take all rows at once.
+    from_first_row : bool
+        Rows and stamps are those from row 0 on, not from the middle.
     """
     steps = _STEPS if turn else 0
+    rolling = rows or any(camera.line_time_s for camera in recording.cameras)
     return tuple(
-        _lift_camera(camera, columns, skeleton, min_score, steps)
+        _lift_camera(
+            *(camera, columns, skeleton, min_score, steps),
+            shutter_of(camera, from_first_row=from_first_row) if rolling else None,
+        )
         for camera, columns in zip(recording.cameras, skeleton.columns, strict=True)
     )
 
 
 def _lift_camera(
-    camera: CameraRecording, columns: IntArray, skeleton: Skeleton, min_score: float, steps: int
+    camera: CameraRecording,
+    columns: IntArray,
+    skeleton: Skeleton,
+    min_score: float,
+    steps: int,
+    shutter: Shutter | None,
 ) -> LiftedCamera:
     tracks = []
     for track in camera.tracks:
@@ -97,10 +131,14 @@ def _lift_camera(
                 LiftedTrack(
                     track.track_id,
                     track.frames[usable],
-                    *(one[usable].astype(precision) for one in (x, focal, joints_cam)),
+                    x[usable].astype(precision),
+                    focal[usable].astype(precision),
+                    joints_cam[usable].astype(precision),
+                    None if shutter is None else pixels[usable, :, 1] - shutter.middle_row,
                 )
             )
-    return LiftedCamera(camera.name, camera.stamps, tuple(tracks))
+    shutter = shutter or GLOBAL
+    return LiftedCamera(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter)
 
 
 def _body_scale(joints: FloatArray, skeleton: Skeleton) -> float:
