@@ -24,7 +24,7 @@ from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.final.clock_rate import with_clock_rates
 from stcalib_ros.core.final.image_times import added_covariance, with_image_times
-from stcalib_ros.core.final.line_time import with_line_times
+from stcalib_ros.core.final.line_time import refine_with_line_times
 from stcalib_ros.core.final.refine import refine
 from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.lift import LiftedCamera
@@ -381,23 +381,20 @@ class _Run:
         """Adjust with line times, biases, errors of stamps, clock rates; covariance of that."""
         bundle = self.options.bundle
         self._tick_round(1.0, self.rounds[-1])
-        self._find_line_times()
-        refined = refine(self.lifted, self.rounds[-1], self.skeleton.layout, bundle)
+        last, layout = self.rounds[-1], self.skeleton.layout
+        if self.options.estimate_line_time:
+            last, refined = refine_with_line_times(self.lifted, last, layout, bundle)
+            self.rounds = (*self.rounds[:-1], last)
+        else:
+            refined = refine(self.lifted, last, layout, bundle)
         if refined is not None:
             self.rounds += (refined.round,)
-            self._find_line_times()
         last = with_clock_rates(with_image_times(self.lifted, self.rounds[-1], bundle), bundle)
         self.rounds = (*self.rounds[:-1], last)
         covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
         if last.lines is not None:
             covariance = covariance + last.lines.added
         return covariance if refined is None else covariance + refined.excess
-
-    def _find_line_times(self) -> None:
-        """Adjust the last round to the line times that its images tell, if they are asked for."""
-        if self.options.estimate_line_time:
-            last = with_line_times(self.lifted, self.rounds[-1], self.options.bundle)
-            self.rounds = (*self.rounds[:-1], last)
 
     def _tick_round(self, fraction: float, before: Round) -> None:
         if self.adjusted is not None:

@@ -14,6 +14,8 @@ import numpy as np
 
 from stcalib_ros.core import stba
 from stcalib_ros.core.covariance import calmed, clusters, to_reference
+from stcalib_ros.core.final.refine import Refined, refine
+from stcalib_ros.core.layouts import Layout
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import BundleOptions
 from stcalib_ros.core.reduction import CAMERA, Block, Cameras, row_blocks
@@ -21,6 +23,8 @@ from stcalib_ros.core.rounds import LineTimes, Round, drop_outliers
 from stcalib_ros.core.shutter import MAX_READOUT_STDDEV_S
 from stcalib_ros.core.types import BoolArray, FloatArray
 
+_TURNS = 2
+_SAME = 0.5
 _PASSES = 8
 _SETTLED = 0.1
 """Done when no line time moves by more than this share of its deviation."""
@@ -77,6 +81,43 @@ class _Normal:
         return step, P
 
 
+def refine_with_line_times(
+    cameras: Sequence[LiftedCamera], last: Round, layout: Layout, o: BundleOptions
+) -> tuple[Round, Refined | None]:
+    """Adjust a round to its line times, and to the biases of its key points, in turn.
+
+    Either explains a part of the other: each is found anew with what the other has come to.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+        With the rows of their key points.
+    last : Round
+    layout : Layout
+    o : BundleOptions
+
+    Returns
+    -------
+    Round
+        With line times only.
+    Refined or None
+        With both; None where biases explain nothing.
+    """
+    plain = with_line_times(cameras, last, o)
+    refined = None
+    for turn in range(_TURNS):
+        refined = refine(cameras, plain, layout, o)
+        if refined is None:
+            break
+        both = with_line_times(cameras, refined.round, o)
+        refined = replace(refined, round=both)
+        moved = np.abs(_lines(both) - _lines(plain))
+        if turn == _TURNS - 1 or (moved <= _SAME * _deviations(both)).all():
+            break
+        plain = replace(_adjusted(plain, _lines(both), o, last=True), lines=both.lines)
+    return plain, refined
+
+
 def with_line_times(cameras: Sequence[LiftedCamera], last: Round, o: BundleOptions) -> Round:
     """A round with the line times of its cameras, adjusted to them where the recording tells them.
 
@@ -108,6 +149,10 @@ def with_line_times(cameras: Sequence[LiftedCamera], last: Round, o: BundleOptio
 
 def _lines(timed: Round) -> FloatArray:
     return np.asarray(timed.observations.line_s)
+
+
+def _deviations(timed: Round) -> FloatArray:
+    return np.zeros(0) if timed.lines is None else timed.lines.stddev_s
 
 
 def _normal(timed: Round, state: stba.BundleState) -> _Normal:
