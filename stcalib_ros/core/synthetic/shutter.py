@@ -8,7 +8,7 @@ from stcalib_ros.core.geometry import project
 from stcalib_ros.core.synthetic.people import PersonMotion
 from stcalib_ros.core.types import FloatArray, Intrinsics
 
-_PASSES = 3
+_PASSES = 5
 """Each leaves the share of the error that a joint's image moves by rows in a row's time."""
 
 
