@@ -30,6 +30,8 @@ class Scenario:
         Largest medians of the errors.
     may_refuse : bool
         To refuse such a scene is as good as to solve it.
+    line_times : str
+        Of rolling shutters: "ignored", "given" or "estimated".
     """
 
     name: str
@@ -39,11 +41,14 @@ class Scenario:
     success: Fraction
     medians: Mapping[str, float] = field(default_factory=dict)
     may_refuse: bool = False
+    line_times: str = "ignored"
 
     def scene_options(self, index: int) -> SceneOptions:
         """Options of one scene."""
         return replace(self.options, seed=self.options.seed + index)
 
+
+_ROLLING = SceneOptions(seed=1000, line_time_s=25e-6)
 
 SCENARIOS = (
     Scenario(
@@ -101,6 +106,31 @@ SCENARIOS = (
         SceneOptions(seed=1000, fps=(30.0, 25.0, 60.0, 30.0), drop_rate=0.1, stamp_jitter_s=0.005),
         20,
         Fraction(19, 20),
+    ),
+    Scenario(
+        "shutter ignored",
+        "the default scenes with rolling shutters, 25 us per row, that nobody knows of",
+        _ROLLING,
+        10,
+        Fraction(9, 10),
+    ),
+    Scenario(
+        "shutter",
+        "the same, line times given",
+        _ROLLING,
+        10,
+        Fraction(1),
+        {"E_R": 0.0005, "E_t": 0.0005, "E_delta": 0.03},
+        line_times="given",
+    ),
+    Scenario(
+        "shutter estimated",
+        "the same, line times estimated",
+        _ROLLING,
+        10,
+        Fraction(1),
+        {"E_R": 0.0005, "E_t": 0.0005, "E_delta": 0.03},
+        line_times="estimated",
     ),
 )
 """The scenes of the level, in the order of the table."""
