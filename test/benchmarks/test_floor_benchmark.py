@@ -39,7 +39,7 @@ def play(monkeypatch):
             return scene
 
         monkeypatch.setattr(floor, "simulate", simulated)
-        monkeypatch.setattr(measure, "calibrate", lambda recording: answer(truths[-1]))
+        monkeypatch.setattr(measure, "calibrate", lambda *_: answer(truths[-1]))
 
     return play_with
 

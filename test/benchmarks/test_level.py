@@ -30,7 +30,7 @@ def play(monkeypatch):
             return scene
 
         monkeypatch.setattr(measure, "simulate", simulated)
-        monkeypatch.setattr(measure, "calibrate", lambda recording: answer(truths[-1]))
+        monkeypatch.setattr(measure, "calibrate", lambda *_: answer(truths[-1]))
 
     return play_with
 
@@ -126,3 +126,17 @@ def test_to_refuse_is_right_where_it_may_be(play):
     hard = replace(SCENARIO, may_refuse=True)
     rows = level.summary(hard, [measure.run_scene(hard, 0)]).rows
     assert verdicts(rows)["solved"] is True
+
+
+@pytest.mark.parametrize("how", ["ignored", "given", "estimated"])
+def test_line_times_are_given_or_asked_for(monkeypatch, how):
+    asked = []
+
+    def take(recording, options):
+        asked.append(([c.line_time_s for c in recording.cameras], options.estimate_line_time))
+        raise CalibrationError("enough")
+
+    monkeypatch.setattr(measure, "calibrate", take)
+    options = SceneOptions(n_cameras=2, n_frames=10, line_time_s=(1e-5, 2e-5))
+    measure.run_scene(replace(SCENARIO, options=options, line_times=how), 0)
+    assert asked == [([1e-5, 2e-5] if how == "given" else [0.0, 0.0], how == "estimated")]
