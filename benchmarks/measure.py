@@ -14,7 +14,7 @@ from stcalib_ros.core.errors import StcalibError
 from stcalib_ros.core.metrics import Evaluation, evaluate
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import calibrate
-from stcalib_ros.core.shutter import with_line_times
+from stcalib_ros.core.shutter import with_known_line_times
 from stcalib_ros.core.synthetic import simulate
 from stcalib_ros.core.types import Calibration, Recording, Status
 from stcalib_ros.io.mocap import shipped_clips
@@ -73,7 +73,7 @@ def run_scene(scenario: Scenario, index: int) -> Run:
     recording = scene.recording
     if scenario.line_times == "given":
         true = {camera.name: camera.line_time_s for camera in scene.truth.cameras}
-        recording = with_line_times(recording, true)
+        recording = with_known_line_times(recording, true)
     estimate = Options(estimate_line_time=scenario.line_times == "estimated")
     outcome = run_calibration(recording, estimate)
     fps = options.rates(options.n_cameras)[0]

@@ -65,7 +65,7 @@ def line_time_text(camera: CameraCalibration) -> str:
     return f", {line_us:.2f} us per row (not told: +- {stddev_us:.1f})"
 
 
-def with_line_times(recording: Recording, line_times_s: Mapping[str, float]) -> Recording:
+def with_known_line_times(recording: Recording, line_times_s: Mapping[str, float]) -> Recording:
     """The recording with line times by name of camera; the others keep theirs."""
     return replace(
         recording,

@@ -17,7 +17,7 @@ from stcalib_ros.core.checks import require_line_times
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.observations import observe
 from stcalib_ros.core.pipeline import calibrate
-from stcalib_ros.core.shutter import Shutter, with_line_times
+from stcalib_ros.core.shutter import Shutter, with_known_line_times
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.core.synthetic.people import PersonMotion
 from stcalib_ros.core.synthetic.shutter import joints_by_row
@@ -87,13 +87,13 @@ def observed(scene, recording):
 
 def test_given_line_times_leave_no_error(scene):
     *_, ignored = observed(scene, scene.recording)
-    *_, found = observed(scene, with_line_times(scene.recording, true_lines(scene)))
+    *_, found = observed(scene, with_known_line_times(scene.recording, true_lines(scene)))
     assert np.nanmedian(found) < 0.2
     assert np.nanmedian(ignored) > 5 * np.nanmedian(found)
 
 
 def test_points_are_timed_by_their_rows(scene):
-    cameras, rig, o, _ = observed(scene, with_line_times(scene.recording, true_lines(scene)))
+    cameras, rig, o, _ = observed(scene, with_known_line_times(scene.recording, true_lines(scene)))
     n, c, j = np.argwhere(o.seen).T
     stamp = o.start_s + o.knot[n] * o.step_s + o.elapsed()[n, c, j] - rig.offset_s[c]
     lens = scene.rig.intrinsics[0]
@@ -104,7 +104,7 @@ def test_points_are_timed_by_their_rows(scene):
 
 
 def test_parts_of_the_observations_keep_their_times(scene):
-    _, _, o, _ = observed(scene, with_line_times(scene.recording, true_lines(scene)))
+    _, _, o, _ = observed(scene, with_known_line_times(scene.recording, true_lines(scene)))
     np.testing.assert_array_equal(o.every_joint(4).elapsed(), o.elapsed()[:, :, ::4])
     rows = np.array([3, 5])
     np.testing.assert_array_equal(o.only(rows).elapsed(), o.elapsed()[rows])
@@ -119,7 +119,7 @@ def test_a_global_shutter_has_one_time_per_image(exact_scene):
 
 
 def test_a_calibration_with_given_line_times_is_exact(scene):
-    recording = with_line_times(scene.recording, true_lines(scene))
+    recording = with_known_line_times(scene.recording, true_lines(scene))
     found = calibrate(recording, HALF_SECOND)
     errors = error(found, scene.truth)
     assert errors.E_R < 1e-4
@@ -149,7 +149,7 @@ def test_stamps_stand_for_the_middle_row():
     ],
 )
 def test_unusable_line_times_name_the_camera(exact_scene, line_s, message):
-    recording = with_line_times(exact_scene.recording, {"cam1": line_s})
+    recording = with_known_line_times(exact_scene.recording, {"cam1": line_s})
     with pytest.raises(InputError, match=message) as caught:
         calibrate(recording)
     assert "\n" not in str(caught.value)
@@ -157,7 +157,7 @@ def test_unusable_line_times_name_the_camera(exact_scene, line_s, message):
 
 def test_all_of_the_frame_period_can_be_taken(exact_scene):
     line_s = FRAME_S / exact_scene.rig.intrinsics[0].height
-    require_line_times(with_line_times(exact_scene.recording, {"cam1": line_s}))
+    require_line_times(with_known_line_times(exact_scene.recording, {"cam1": line_s}))
 
 
 def test_the_truth_keeps_the_line_times_and_the_recording_does_not(scene):

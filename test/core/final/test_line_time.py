@@ -13,7 +13,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.options import Options, RegistrationOptions
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.reduction import Block, Cameras
-from stcalib_ros.core.shutter import line_time_text, with_line_times
+from stcalib_ros.core.shutter import line_time_text, with_known_line_times
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
 
@@ -91,7 +91,9 @@ def test_line_times_are_found_within_their_deviations(found):
 def test_estimated_is_nearly_as_good_as_given(scene, found):
     lines = {camera.name: camera.line_time_s for camera in scene.truth.cameras}
     ignored = error(calibrate(scene.recording, HALF_SECOND), scene.truth)
-    given = error(calibrate(with_line_times(scene.recording, lines), HALF_SECOND), scene.truth)
+    given = error(
+        calibrate(with_known_line_times(scene.recording, lines), HALF_SECOND), scene.truth
+    )
     estimated = error(found, scene.truth)
     assert max(given.E_R, estimated.E_R) < 0.6 * ignored.E_R
     assert max(given.E_delta, estimated.E_delta) < 0.2 * ignored.E_delta
@@ -107,7 +109,7 @@ def test_offsets_are_of_the_first_row_and_know_how_well(scene, found):
 
 def test_what_is_known_of_a_line_time_is_where_the_search_begins(scene, found):
     lines = {camera.name: camera.line_time_s for camera in scene.truth.cameras}
-    again = calibrate(with_line_times(scene.recording, lines), ESTIMATE)
+    again = calibrate(with_known_line_times(scene.recording, lines), ESTIMATE)
     for one, other in zip(found.cameras, again.cameras, strict=True):
         near = 0.5 * one.line_time_stddev_s
         assert one.line_time_s == pytest.approx(other.line_time_s, abs=near)
@@ -124,7 +126,7 @@ def test_synchronised_clocks_hold_for_the_first_row():
 def test_what_the_recording_does_not_tell_stays_as_given():
     options = replace(ROLLING, people="gesturing", n_people=1, n_frames=60, line_time_s=0.0)
     recording = simulate(options).recording
-    found = calibrate(with_line_times(recording, {"cam1": 5e-6}), ESTIMATE)
+    found = calibrate(with_known_line_times(recording, {"cam1": 5e-6}), ESTIMATE)
     assert found.cameras
     for camera in found.cameras:
         assert camera.line_time_s == (5e-6 if camera.name == "cam1" else 0.0)
