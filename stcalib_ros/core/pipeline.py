@@ -24,7 +24,7 @@ from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.final.clock_rate import with_clock_rates
 from stcalib_ros.core.final.image_times import added_covariance, with_image_times
-from stcalib_ros.core.final.line_time import refine_with_line_times
+from stcalib_ros.core.final.line_time import refine_with_line_times, with_line_times
 from stcalib_ros.core.final.refine import refine
 from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.lift import LiftedCamera
@@ -389,7 +389,10 @@ class _Run:
             refined = refine(self.lifted, last, layout, bundle)
         if refined is not None:
             self.rounds += (refined.round,)
-        last = with_clock_rates(with_image_times(self.lifted, self.rounds[-1], bundle), bundle)
+        last = with_image_times(self.lifted, self.rounds[-1], bundle)
+        if self.options.estimate_line_time and last.stamps is not None:
+            last = with_line_times(self.lifted, last, bundle)
+        last = with_clock_rates(last, bundle)
         self.rounds = (*self.rounds[:-1], last)
         covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
         if last.lines is not None:
