@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ import numpy as np
 
 import stcalib_ros
 from benchmarks.measure import Run, judged, run_calibration, run_scene, run_scenes
-from benchmarks.scenarios import HARD, MAX_CPU_S, SCENARIOS, Scenario
+from benchmarks.scenarios import HARD, MAX_CPU_S, MAX_RATIO, SCENARIOS, Scenario
 from benchmarks.table import Row, finite, print_rows
 from stcalib_ros.core.metrics import Evaluation, match_quality
 from stcalib_ros.io.bag import read_bag
@@ -58,7 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             n_scenes = args.scenes or scenario.n_scenes
             task = partial(run_scene, scenario)
             runs = run_scenes(task, n_scenes, title=scenario.name, jobs=args.jobs)
-            sections.append(summary(scenario, runs))
+            earlier = next((s.runs for s in sections if s.name == scenario.beside), ())
+            sections.append(summary(scenario, runs, earlier))
             _print(sections[-1], as_json=args.json)
     if args.demo or args.only == "demo":
         sections.append(demo())
@@ -68,8 +69,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0 if all(row.met is not False for s in sections for row in s.rows) else 1
 
 
-def summary(scenario: Scenario, runs: Sequence[Run]) -> Section:
-    """Distribution of the figures over the scenes of a scenario, beside the targets."""
+def summary(scenario: Scenario, runs: Sequence[Run], clean: Sequence[Run] = ()) -> Section:
+    """Distribution of the figures over the scenes of a scenario, beside the targets.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    runs : sequence of Run
+    clean : sequence of Run
+        Of the same scenes and more without what makes these harder.
+    """
     n = len(runs)
     solved, wrong = sum(not run.failure for run in runs), sum(run.wrong for run in runs)
     needed = n - int((1 - scenario.success) * n)
@@ -79,12 +88,15 @@ def summary(scenario: Scenario, runs: Sequence[Run]) -> Section:
         Row("wrong, but OK", f"{wrong}", "0", wrong == 0),
     ]
     for name in _ERRORS:
-        values = [getattr(r.evaluation, name) if r.evaluation else np.inf for r in runs]
-        limit = scenario.medians.get(name)
-        rows.append(_distribution(name, values, limit, "median"))
+        values = _errors(runs, name)
+        limits = {"median": scenario.medians.get(name), "p90": scenario.p90.get(name)}
+        rows.append(_distribution(name, values, limits))
+        if clean and (usual := float(np.median(_errors(clean[:n], name)))) > 0.0:
+            ratio = float(np.median(values)) / usual
+            rows.append(_single(f"{name} / {scenario.beside}", ratio, MAX_RATIO))
     precision = [r.evaluation.precision if r.evaluation else 0.0 for r in runs]
     rows.append(Row("precision", f"median {np.median(precision):.3f}", "", None))
-    rows.append(_distribution("CPU s", [r.cpu_s for r in runs], MAX_CPU_S, "max"))
+    rows.append(_distribution("CPU s", [r.cpu_s for r in runs], {"max": MAX_CPU_S}))
     notes = tuple(f"seed {run.seed}: {run.failure}" for run in runs if run.failure)
     return Section(scenario.name, scenario.title, tuple(rows), notes, tuple(runs))
 
@@ -118,16 +130,22 @@ def _demo_rows(run: Run, errors: Evaluation, found: float) -> tuple[Row, ...]:
     )
 
 
-def _distribution(name: str, values: Sequence[float], limit: float | None, judged_by: str) -> Row:
+def _errors(runs: Sequence[Run], name: str) -> list[float]:
+    """One error of every scene; without end where there is no calibration."""
+    return [getattr(r.evaluation, name) if r.evaluation else np.inf for r in runs]
+
+
+def _distribution(name: str, values: Sequence[float], limits: Mapping[str, float | None]) -> Row:
     figures = {
         "median": float(np.median(values)),
         "p90": float(np.percentile(values, 90, method="nearest")),
         "max": float(np.max(values)),
     }
     text = "  ".join(f"{key} {value:.3g}" for key, value in figures.items())
-    if limit is None:
-        return Row(name, text, "", None)
-    return Row(name, text, f"{judged_by} <= {limit:g}", figures[judged_by] <= limit)
+    given = {key: limit for key, limit in limits.items() if limit is not None}
+    target = ", ".join(f"{key} <= {limit:g}" for key, limit in given.items())
+    met = all(figures[key] <= limit for key, limit in given.items()) if given else None
+    return Row(name, text, target, met)
 
 
 def _single(name: str, value: float, limit: float | None) -> Row:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,13 +50,7 @@ def options_of(method: str, T: int, *, range_s: float, search_offsets: bool = Tr
 
 def table1_tasks(n_trials: int, scenes: Sequence[str] = TABLE_I) -> list[Task]:
     """Table I: synchronised clips, every method, rows PR, MI, BA, IBA."""
-    methods = ("default", "paper", *BASELINES)
-    return [
-        Task(f"{name} {method} trial {k}", table1_rows, (name, method, k))
-        for name in scenes
-        for method in methods
-        for k in range(n_trials)
-    ]
+    return _tasks(table1_rows, scenes, ("default", "paper", *BASELINES), n_trials)
 
 
 def table1_rows(name: str, method: str, trial: int) -> list[Row]:
@@ -73,8 +67,17 @@ def table1_rows(name: str, method: str, trial: int) -> list[Row]:
 def table2_tasks(n_trials: int, scenes: Sequence[str] = TABLE_II) -> list[Task]:
     """Table II: clocks late by five frames, every scene, rows STBA and ISTBA."""
     methods = ("default", "paper", "paper, offsets by STBA alone", "Vo et al.")
+    return _tasks(table2_rows, scenes, methods, n_trials)
+
+
+def _tasks(
+    rows: Callable[[str, str, int], list[Row]],
+    scenes: Sequence[str],
+    methods: Sequence[str],
+    n_trials: int,
+) -> list[Task]:
     return [
-        Task(f"{name} {method} trial {k}", table2_rows, (name, method, k))
+        Task(f"{name} {method} trial {k}", rows, (name, method, k))
         for name in scenes
         for method in methods
         for k in range(n_trials)

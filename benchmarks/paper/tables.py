@@ -157,14 +157,18 @@ def _timing(name: str, rows: Sequence[Row]) -> str:
 
 
 def _peers(_: str, rows: Sequence[Row]) -> str:
-    """Medians over the scenes."""
-    body = []
-    for (method, given), group in _grouped(rows, "method", "stage").items():
-        cells = [_number(_median(group, c)) for c in ("E_R", "E_t", "E_delta")]
-        reasons = sorted({str(r["failure"]) for r in group if r.get("failure")})
-        ran = f"{sum(not r.get('failure') for r in group)} of {len(group)}"
-        body.append([method, given, *cells, "; ".join([ran, *reasons])])
-    return markdown(["system", "given", "E_R rad", "E_t", "E_delta frames", "ran"], body)
+    """Per kind of scene: medians over the scenes."""
+    parts = []
+    for kind, of_kind in _grouped(rows, "scene").items():
+        body = []
+        for (method, given), group in _grouped(of_kind, "method", "stage").items():
+            cells = [_number(_median(group, c)) for c in ("E_R", "E_t", "E_delta")]
+            reasons = sorted({str(r["failure"]) for r in group if r.get("failure")})
+            ran = f"{sum(not r.get('failure') for r in group)} of {len(group)}"
+            body.append([method, given, *cells, "; ".join([ran, *reasons])])
+        head = ["system", "given", "E_R rad", "E_t", "E_delta frames", "ran"]
+        parts.append(f"**{kind}**\n\n{markdown(head, body)}")
+    return "\n\n".join(parts)
 
 
 def _failed(group: Sequence[Row]) -> str:

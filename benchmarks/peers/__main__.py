@@ -31,6 +31,8 @@ from stcalib_ros.io.mocap import shipped_clips
 
 OUT = Path("out")
 ADAPTERS = Path(__file__).parent / "adapters"
+BIAS_MM = {"unbiased key points": 0.0, "key points off by 20 mm": 20.0}
+"""Kinds of scenes: how far key points are off, by the side from which a person is seen."""
 _LIMIT_S = 600.0
 
 
@@ -61,15 +63,20 @@ PEERS = (
 def main(argv: Sequence[str] | None = None) -> int:
     """Run them and print the table."""
     args = _arguments(argv)
-    tasks = [Task(f"default scene {k}", default_rows, (k,)) for k in range(args.scenes)]
-    for peer in PEERS:
-        if args.only in (None, peer.name):
-            python = environment(peer)
+    peers = [peer for peer in PEERS if args.only in (None, peer.name)]
+    pythons = [environment(peer) for peer in peers]
+    tasks = []
+    for kind in BIAS_MM:
+        for k in range(args.scenes):
+            tasks.append(Task(f"{kind} default scene {k}", default_rows, (kind, k)))
             tasks += [
-                Task(f"{peer.name} scene {k}", peer_rows, (peer, python, k))
-                for k in range(args.scenes)
+                Task(f"{kind} {peer.name} scene {k}", peer_rows, (peer, python, kind, k))
+                for peer, python in zip(peers, pythons, strict=True)
             ]
-    rows = run_tasks(tasks, OUT / "paper" / "peers.jsonl", jobs=1, name="peers")
+    store = OUT / "paper" / "peers.jsonl"
+    if args.again:
+        store.unlink(missing_ok=True)
+    rows = run_tasks(tasks, store, jobs=1, name="peers")
     print(tables("peers", rows))
     return 0
 
@@ -95,26 +102,31 @@ def environment(peer: Peer) -> Path:
     return python.absolute()
 
 
-def scene_of(trial: int) -> Scene:
+def scene_of(kind: str, trial: int) -> Scene:
     """Four cameras, three people, 300 synchronised frames, key points 3 px, a usual lifter."""
     options = SceneOptions(
-        n_frames=300, fps=FPS, max_offset_frames=0.0, id_switches_per_10s=0.0, seed=7000 + trial
+        n_frames=300,
+        fps=FPS,
+        max_offset_frames=0.0,
+        id_switches_per_10s=0.0,
+        keypoint_bias_mm=BIAS_MM[kind],
+        seed=7000 + trial,
     )
     return simulate(options, clips=shipped_clips())
 
 
-def default_rows(trial: int) -> list[Row]:
+def default_rows(kind: str, trial: int) -> list[Row]:
     """Our default on the same scene, with clocks five frames late and nothing given."""
-    scene = scene_of(trial)
+    scene = scene_of(kind, trial)
     recording, truth = late(scene.recording, scene.truth, OFFSET_FRAMES)
     options = options_of("correlation", 15, range_s=SEARCH_S)
-    rows = stage_rows("peers", "default", trial, recording, truth, options, fps=FPS)
+    rows = stage_rows(kind, "default", trial, recording, truth, options, fps=FPS)
     return [dict(rows[-1]) | {"stage": "nothing"}]
 
 
-def peer_rows(peer: Peer, python: Path, trial: int) -> list[Row]:
+def peer_rows(peer: Peer, python: Path, kind: str, trial: int) -> list[Row]:
     """One peer on one scene; why not, where it fails."""
-    scene = scene_of(trial)
+    scene = scene_of(kind, trial)
     with tempfile.TemporaryDirectory() as folder:
         source, result = Path(folder) / "scene.npz", Path(folder) / "result.npz"
         write_scene(scene, source)
@@ -131,10 +143,10 @@ def peer_rows(peer: Peer, python: Path, trial: int) -> list[Row]:
         if done.returncode or not result.exists():
             lines = done.stderr.strip().splitlines()
             reason = lines[-1] if lines else f"exit status {done.returncode}"
-            return [row("peers", peer.name, peer.given, trial, None, failure=reason)]
+            return [row(kind, peer.name, peer.given, trial, None, failure=reason)]
         with np.load(result) as found:
             figures = judged(scene, dict(found))
-    return [row("peers", peer.name, peer.given, trial, None, wall_s=wall_s, **figures)]
+    return [row(kind, peer.name, peer.given, trial, None, wall_s=wall_s, **figures)]
 
 
 def write_scene(scene: Scene, path: Path) -> None:
@@ -175,7 +187,10 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.peers", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--only", choices=[peer.name for peer in PEERS])
-    parser.add_argument("--scenes", type=int, default=3, metavar="N")
+    parser.add_argument(
+        "--scenes", type=int, default=3, metavar="N", help="of each kind (default 3)"
+    )
+    parser.add_argument("--again", action="store_true", help="do not go on, begin again")
     return parser.parse_args(argv)
 
 

@@ -14,16 +14,15 @@ import numpy as np
 
 from stcalib_ros.core.geometry import exp_so3, hat, log_so3
 from stcalib_ros.core.hypotheses import PairHypothesis
-from stcalib_ros.core.lift import LiftedCamera
+from stcalib_ros.core.lift import LiftedCamera, LiftedTrack
+from stcalib_ros.core.pose_error import registration_deviations
 from stcalib_ros.core.timeline import Interpolation, frame_period
 from stcalib_ros.core.types import FloatArray
 
 _MAX_POINTS = 1500
 _MIN_POINTS = 60
 _NOISE_FLOOR_PX = 3.0
-_PRIOR_ROTATION = 0.1
-_PRIOR_DIRECTION = 0.2
-"""Standard deviations (rad) of the registration by bone directions and body positions."""
+_MAX_NOISE_FRAMES = 300
 _CORRELATED = 20
 """Key points that make one independent measurement: joints of one body, frame after frame."""
 
@@ -38,6 +37,11 @@ class Correspondences:
         Homogeneous points on the planes z = 1.
     v_b : (M, 3) ndarray
         Time derivative of `x_b`, per second.
+    variance_b : (M,) ndarray
+        Variance of `x_b` over that of one key point, if the noise of every image is its own:
+        between two images it is less.
+    variance_rate_b : (M,) ndarray
+        Time derivative of that, per second.
     focal : (M,) ndarray
         Pixels per unit of x, geometric mean of both cameras.
     """
@@ -45,10 +49,14 @@ class Correspondences:
     x_a: FloatArray
     x_b: FloatArray
     v_b: FloatArray
+    variance_b: FloatArray
+    variance_rate_b: FloatArray
     focal: FloatArray
 
 
-def sampson(E: FloatArray, x_a: FloatArray, x_b: FloatArray) -> FloatArray:
+def sampson(
+    E: FloatArray, x_a: FloatArray, x_b: FloatArray, variance_b: FloatArray | float = 1.0
+) -> FloatArray:
     """Signed Sampson distances (M,) of ``x_a^T E x_b = 0`` on the planes z = 1.
 
     Parameters
@@ -57,15 +65,19 @@ def sampson(E: FloatArray, x_a: FloatArray, x_b: FloatArray) -> FloatArray:
         Essential matrix ``[t_a_b]_x R_a_b``.
     x_a, x_b : (..., M, 3) ndarray
         Homogeneous points.
+    variance_b : (..., M) ndarray or float
+        Variance of x_b over that of x_a.
     """
     line_a = x_b @ np.swapaxes(E, -1, -2)
     line_b = x_a @ E
     numerator = (x_a * line_a).sum(-1)
-    return np.asarray(numerator / _sampson_scale(line_a, line_b))
+    return np.asarray(numerator / _sampson_scale(line_a, line_b, variance_b))
 
 
-def _sampson_scale(line_a: FloatArray, line_b: FloatArray) -> FloatArray:
-    squares = (line_a[..., :2] ** 2).sum(-1) + (line_b[..., :2] ** 2).sum(-1)
+def _sampson_scale(
+    line_a: FloatArray, line_b: FloatArray, variance_b: FloatArray | float
+) -> FloatArray:
+    squares = (line_a[..., :2] ** 2).sum(-1) + variance_b * (line_b[..., :2] ** 2).sum(-1)
     return np.asarray(np.sqrt(np.maximum(squares, 1e-18)))
 
 
@@ -74,6 +86,23 @@ def correspondences(
 ) -> Correspondences:
     """Matched key points at the lag of a hypothesis, thinned to about `max_points`."""
     return _Matched(cameras[h.a], cameras[h.b], h.matches, max_points).at(h.lag_s)
+
+
+def white_noise_px(tracks: Sequence[LiftedTrack]) -> float:
+    """Standard deviation of the noise of key points that is new in every image, per axis.
+
+    By third differences, in which motion of the body leaves little.
+    """
+    differences = [np.zeros(0)]
+    for track in tracks:
+        rows = slice(None, _MAX_NOISE_FRAMES)
+        pixels = track.x[rows] * track.focal[rows, :, None]
+        following = np.flatnonzero(np.diff(track.frames[rows], n=1) == 1)
+        runs = following[np.isin(following + 1, following) & np.isin(following + 2, following)]
+        third = pixels[runs + 3] - 3.0 * pixels[runs + 2] + 3.0 * pixels[runs + 1] - pixels[runs]
+        differences.append(np.abs(third[np.isfinite(third)]))
+    every = np.concatenate(differences)
+    return float(1.48 * np.median(every) / np.sqrt(20.0)) if len(every) else 0.0
 
 
 class _Matched:
@@ -98,6 +127,7 @@ class _Matched:
         self.x_a = np.concatenate([a.x[rows] for a, rows in of_a])
         self.focal_a = np.concatenate([a.focal[rows] for a, rows in of_a])
         self.known_a = np.isfinite(self.x_a).all(-1)
+        self.white_px = white_noise_px(self.tracks_b)
 
     def at(self, lag_s: float) -> Correspondences:
         """Key points seen at the same moment if ``t_b - t_a`` is `lag_s`."""
@@ -105,12 +135,21 @@ class _Matched:
         pieces = list(zip(between, self.tracks_b, strict=True))
         x_b, v_b = (np.concatenate(c) for c in zip(*(i.both(b.x) for i, b in pieces), strict=True))
         focal_b = np.concatenate([i(b.focal) for i, b in pieces])
+        variance, rate = (
+            np.concatenate(c) for c in zip(*(i.variance for i in between), strict=True)
+        )
         good = np.flatnonzero(self.known_a & np.isfinite(x_b).all(-1))
         x_a, x_b, v_b = (one.reshape(-1, 2)[good] for one in (self.x_a, x_b, v_b))
         focal = np.sqrt(self.focal_a.ravel()[good] * focal_b.ravel()[good])
+        frame = good // self.known_a.shape[1]
         one, zero = np.ones((len(good), 1)), np.zeros((len(good), 1))
         return Correspondences(
-            np.hstack([x_a, one]), np.hstack([x_b, one]), np.hstack([v_b, zero]), focal
+            np.hstack([x_a, one]),
+            np.hstack([x_b, one]),
+            np.hstack([v_b, zero]),
+            variance[frame],
+            rate[frame],
+            focal,
         )
 
     def bodies(self, lag_s: float) -> tuple[FloatArray, FloatArray]:
@@ -132,6 +171,22 @@ class _Matched:
         ]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Prior:
+    """Rotation and direction of t by the 3D poses, and their standard deviations, rad."""
+
+    R_a_b: FloatArray
+    unit_t: FloatArray
+    rotation: float
+    direction: float
+
+    def residuals(self, h: PairHypothesis) -> tuple[FloatArray, FloatArray]:
+        """Of rotation (3,) and direction (3,), in standard deviations."""
+        turned = log_so3(h.R_a_b @ self.R_a_b.T) / self.rotation
+        moved = (_unit(h.t_a_b) - self.unit_t) / self.direction
+        return turned, moved
+
+
 def refine_pair(
     cameras: Sequence[LiftedCamera],
     h: PairHypothesis,
@@ -141,7 +196,8 @@ def refine_pair(
 ) -> PairHypothesis | None:
     """Gauss-Newton on the robust Sampson error over rotation, direction of t and lag.
 
-    The lag of synchronised cameras stays as it is.
+    The registration that it starts from counts by how far 3D poses like these may be off. The
+    lag of synchronised cameras stays as it is.
 
     Returns
     -------
@@ -154,48 +210,61 @@ def refine_pair(
     c = matched.at(h.lag_s)
     if len(c.x_a) < _MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
         return None
-    start = h
-    r = _distances_px(h, c)
-    cost, scale = _cost(h, r, start)
+    deviations = registration_deviations(cameras[h.a], cameras[h.b], h)
+    prior = _Prior(h.R_a_b, _unit(h.t_a_b), *deviations)
+    noise = _noise(h, c, matched.white_px)
+    cost = _cost(h, c, prior, noise)
     for _ in range(iterations):
-        trial = _step(h, c, start, scale, damping, max_lag_step=max_lag_step)
+        trial = _step(h, c, prior, noise, damping, max_lag_step=max_lag_step)
         c_trial = matched.at(trial.lag_s)
         if len(c_trial.x_a) < _MIN_POINTS:
             return None
-        r_trial = _distances_px(trial, c_trial)
-        if (trial_cost := _cost(trial, r_trial, start, scale)[0]) < cost:
+        if (trial_cost := _cost(trial, c_trial, prior, noise)) < cost:
             converged = cost - trial_cost < 1e-3 * cost
-            h, c, r, damping = trial, c_trial, r_trial, damping / 5.0
-            cost, scale = _cost(h, r, start)
+            h, c, damping = trial, c_trial, damping / 5.0
+            noise = _noise(h, c, matched.white_px)
+            cost = _cost(h, c, prior, noise)
             if converged:
                 break
         else:
             damping *= 10.0
             if damping > 1e3:
                 break
+    apart = float(np.median(np.abs(_distances_px(h, c))))
     h = _metric_length(h, *matched.bodies(h.lag_s))
-    return replace(h, epipolar_px=float(np.median(np.abs(r))))
+    return replace(h, epipolar_px=apart)
 
 
-def _distances_px(h: PairHypothesis, c: Correspondences) -> FloatArray:
-    return sampson(hat(h.t_a_b) @ h.R_a_b, c.x_a, c.x_b) * c.focal
+def _distances_px(h: PairHypothesis, c: Correspondences, white: float = 0.0) -> FloatArray:
+    variance_b = 1.0 - white * (1.0 - c.variance_b)
+    return sampson(hat(h.t_a_b) @ h.R_a_b, c.x_a, c.x_b, variance_b) * c.focal
 
 
-def _cost(
-    h: PairHypothesis, r: FloatArray, start: PairHypothesis, scale: float | None = None
-) -> tuple[float, float]:
-    """Cauchy loss in units of `scale` (its own, from the MAD, unless given) plus the prior."""
-    if scale is None:
-        scale = max(_NOISE_FLOOR_PX, 1.5 * 1.48 * float(np.median(np.abs(r))))
-    data = float(np.log1p((r / scale) ** 2).mean()) * len(r) / _CORRELATED
-    turned, moved = _prior_residuals(h, start)
-    return data + float(turned @ turned + moved @ moved), scale
+@dataclass(frozen=True, slots=True)
+class _Noise:
+    """Scale of the Cauchy loss, px, and the share of the variance that is new in every image.
+
+    Only that share is less between two images than in one of them. If it is not allowed for,
+    lags are drawn to where key points are averaged; if all were taken for it, away from there.
+    """
+
+    scale: float
+    white: float
 
 
-def _prior_residuals(h: PairHypothesis, start: PairHypothesis) -> tuple[FloatArray, FloatArray]:
-    turned = log_so3(h.R_a_b @ start.R_a_b.T) / _PRIOR_ROTATION
-    moved = (_unit(h.t_a_b) - _unit(start.t_a_b)) / _PRIOR_DIRECTION
-    return turned, moved
+def _noise(h: PairHypothesis, c: Correspondences, white_px: float) -> _Noise:
+    """Of distances as they are, by their median."""
+    deviation = 1.48 * float(np.median(np.abs(_distances_px(h, c))))
+    white = min(1.0, (white_px / max(deviation, 1e-9)) ** 2)
+    return _Noise(max(_NOISE_FLOOR_PX, 1.5 * deviation), white)
+
+
+def _cost(h: PairHypothesis, c: Correspondences, prior: _Prior, noise: _Noise) -> float:
+    """Cauchy loss plus the prior."""
+    r = _distances_px(h, c, noise.white) / noise.scale
+    data = float(np.log1p(r**2).mean()) * len(r) / _CORRELATED
+    turned, moved = prior.residuals(h)
+    return data + float(turned @ turned + moved @ moved)
 
 
 def _unit(v: FloatArray) -> FloatArray:
@@ -205,8 +274,8 @@ def _unit(v: FloatArray) -> FloatArray:
 def _step(
     h: PairHypothesis,
     c: Correspondences,
-    start: PairHypothesis,
-    scale: float,
+    prior: _Prior,
+    noise: _Noise,
     damping: float,
     *,
     max_lag_step: float,
@@ -218,18 +287,24 @@ def _step(
     forms = np.concatenate([E[None], hat(t) @ hat(np.eye(3)) @ h.R_a_b, hat(tangent) @ h.R_a_b])
     products = (c.x_a[:, :, None] * c.x_b[:, None, :]).reshape(-1, 9)
     values = forms.reshape(6, 9) @ products.T
-    inverse = c.focal / _sampson_scale(c.x_b @ E.T, c.x_a @ E) / scale
+    line_b = c.x_a @ E
+    denominator = _sampson_scale(c.x_b @ E.T, line_b, 1.0 - noise.white * (1.0 - c.variance_b))
+    inverse = c.focal / denominator / noise.scale
     r = values[0] * inverse
+    # Without its second term the step would follow noise, which differences of images share.
+    later = (c.x_a * (c.v_b @ E.T)).sum(-1)
+    rate = noise.white * c.variance_rate_b * (line_b[:, :2] ** 2).sum(-1)
+    later -= values[0] * rate / denominator**2 / 2.0
     values[:5] = values[1:]
-    values[5] = (c.x_a * (c.v_b @ E.T)).sum(-1) * (max_lag_step > 0)
+    values[5] = later * (max_lag_step > 0)
     J = (values * inverse).T
     w = 1.0 / (1.0 + r**2) / _CORRELATED
-    turned, moved = _prior_residuals(h, start)
+    turned, moved = prior.residuals(h)
     H = J.T @ (w[:, None] * J)
     g = J.T @ (w * r)
-    H[range(5), range(5)] += np.repeat([_PRIOR_ROTATION**-2, _PRIOR_DIRECTION**-2], [3, 2])
-    g[:3] += turned / _PRIOR_ROTATION
-    g[3:5] += tangent @ moved / _PRIOR_DIRECTION
+    H[range(5), range(5)] += np.repeat([prior.rotation**-2, prior.direction**-2], [3, 2])
+    g[:3] += turned / prior.rotation
+    g[3:5] += tangent @ moved / prior.direction
     H[range(6), range(6)] *= 1.0 + damping
     H[range(6), range(6)] += 1e-12 * np.trace(H)
     step = -np.linalg.solve(H, g)

@@ -2,11 +2,13 @@
 
 A lifter gives joints relative to a root, often tilted and, when it works on a crop of the
 image, turned by the angle of the crop off the optical axis. The key points of the same
-image say where the person is and undo most of that rotation.
+image say where the person is and undo most of that rotation. Where a lens is wide that angle is
+too large for small steps: all key points of a camera together say which share of it to undo first.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +26,8 @@ _MAX_ROTATION = 0.3
 _MIN_JOINTS = 6
 _NEAREST = 0.3
 _STEPS = 2
+_CROP_SHARES = (0.0, 0.5, 1.0)
+_MAX_CROP_FRAMES = 300
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +56,17 @@ class LiftedTrack:
     focal: FloatArray
     joints_cam: FloatArray
     rows: FloatArray | None = None
+
+    def __getitem__(self, some: slice | BoolArray) -> LiftedTrack:
+        """The same person in some of the frames."""
+        return LiftedTrack(
+            self.track_id,
+            self.frames[some],
+            self.x[some],
+            self.focal[some],
+            self.joints_cam[some],
+            None if self.rows is None else self.rows[some],
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,11 +112,10 @@ def lift_recording(
     from_first_row : bool
         Rows and stamps are those from row 0 on, not from the middle.
     """
-    steps = _STEPS if turn else 0
     rolling = rows or any(camera.line_time_s for camera in recording.cameras)
     return tuple(
         _lift_camera(
-            *(camera, columns, skeleton, min_score, steps),
+            *(camera, columns, skeleton, min_score, turn),
             shutter_of(camera, from_first_row=from_first_row) if rolling else None,
         )
         for camera, columns in zip(recording.cameras, skeleton.columns, strict=True)
@@ -113,20 +127,25 @@ def _lift_camera(
     columns: IntArray,
     skeleton: Skeleton,
     min_score: float,
-    steps: int,
+    turn: bool,
     shutter: Shutter | None,
 ) -> LiftedCamera:
-    tracks = []
+    poses = []
     for track in camera.tracks:
-        scores, precision = track.scores[:, columns], track.keypoints.dtype
+        scores = track.scores[:, columns]
         pixels = np.where((scores >= min_score)[..., None], track.keypoints[:, columns], np.nan)
         x, focal = bearings(pixels, camera.intrinsics)
         joints = track.joints[:, columns].astype(np.float64)
         if not camera.metric:
             joints = joints * _body_scale(joints, skeleton)
-        joints_cam = lift(joints, x, steps=steps)
+        poses.append((track, pixels[..., 1], x, focal, joints))
+    crop = crop_share([(joints, x) for _, _, x, _, joints in poses]) if turn else 0.0
+    tracks = []
+    for track, rows, x, focal, joints in poses:
+        joints_cam = lift(joints, x, crop=crop, steps=_STEPS if turn else 0)
         usable = np.isfinite(joints_cam).any((1, 2))
         if usable.any():
+            precision = track.keypoints.dtype
             tracks.append(
                 LiftedTrack(
                     track.track_id,
@@ -134,7 +153,7 @@ def _lift_camera(
                     x[usable].astype(precision),
                     focal[usable].astype(precision),
                     joints_cam[usable].astype(precision),
-                    None if shutter is None else pixels[usable, :, 1] - shutter.middle_row,
+                    None if shutter is None else rows[usable] - shutter.middle_row,
                 )
             )
     shutter = shutter or GLOBAL
@@ -156,7 +175,64 @@ def _body_scale(joints: FloatArray, skeleton: Skeleton) -> float:
     return adult / total if total > 0 else 1.0
 
 
-def lift(joints: FloatArray, x: FloatArray, *, steps: int = _STEPS) -> FloatArray:
+def crop_share(poses: Sequence[tuple[FloatArray, FloatArray]]) -> float:
+    """How far the poses of a camera are turned as if it looked straight at every person.
+
+    A lifter that is given a crop of the image does not know where the crop was, and turns its pose
+    from the person's bearing to the optical axis; one that is given the place does not. Some do
+    half of it.
+
+    Parameters
+    ----------
+    poses : sequence of ((F, J, 3) ndarray, (F, J, 2) ndarray)
+        Per track, joints and key points as for `lift`.
+
+    Returns
+    -------
+    float
+        Of the shares that are tried, 0, 1/2 and 1, the one with which the placed poses project
+        onto the key points best.
+    """
+    stride = max(1, sum(len(joints) for joints, _ in poses) // _MAX_CROP_FRAMES)
+    some = [_centred(joints[::stride], x[::stride]) for joints, x in poses]
+    misfits = [sum(_misfit(*one, share) for one in some) for share in _CROP_SHARES]
+    return _CROP_SHARES[int(np.argmin(misfits))]
+
+
+def _misfit(Y: FloatArray, x: FloatArray, used: BoolArray, crop: float) -> float:
+    """Sum of the robust image errors of poses that are turned by a share and placed."""
+    turned = _undo_crop(Y, x, used, crop)
+    root, solved = _place(turned, x, used)
+    X = turned + np.where(solved[:, None], root, [0.0, 0.0, 1.0])[:, None]
+    residual = X[..., :2] / np.maximum(X[..., 2:], _NEAREST) - x
+    square = np.where(used, (residual**2).sum(-1), 0.0)
+    return float(np.log1p(square / _CAUCHY**2).sum())
+
+
+def _undo_crop(Y: FloatArray, x: FloatArray, used: BoolArray, crop: float) -> FloatArray:
+    """Turn poses by a share of the angle from the optical axis to the middle of the key points."""
+    seen = np.maximum(used.sum(-1), 1)[:, None]
+    middle = np.where(used[..., None], x, 0.0).sum(1) / seen
+    off_axis = np.linalg.norm(middle, axis=-1, keepdims=True)
+    axis = np.stack([-middle[:, 1], middle[:, 0], np.zeros(len(x))], -1)
+    rotvec = crop * np.arctan(off_axis) * axis / np.maximum(off_axis, 1e-12)
+    return np.asarray(Y @ np.swapaxes(exp_so3(rotvec), -1, -2))
+
+
+def _centred(joints: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Poses about the middle of their joints, key points, and which can be used; else 0."""
+    known = np.asarray(np.isfinite(joints).all(-1))
+    used = np.asarray(known & np.isfinite(x).all(-1))
+    used &= used.sum(-1, keepdims=True) >= _MIN_JOINTS
+    Y = np.where(known[..., None], joints, 0.0)
+    centre = Y.sum(1, keepdims=True) / np.maximum(known.sum(-1), 1)[:, None, None]
+    Y = np.where(known[..., None], Y - centre, 0.0)
+    return Y, np.where(used[..., None], x, 0.0), used
+
+
+def lift(
+    joints: FloatArray, x: FloatArray, *, crop: float = 0.0, steps: int = _STEPS
+) -> FloatArray:
     """Place and turn monocular poses so that they project onto their key points.
 
     The position of the root is the closed-form solution of ``argmin_T sum_s |(I - b b^T)
@@ -169,6 +245,8 @@ def lift(joints: FloatArray, x: FloatArray, *, steps: int = _STEPS) -> FloatArra
         Y, in the axes of the optical frame, any origin, metres; NaN where unknown.
     x : (F, J, 2) ndarray
         Key points on the plane z = 1; NaN where not seen.
+    crop : float
+        Share of the angle off the optical axis that the poses are turned by: see `crop_share`.
     steps : int
         Gauss-Newton steps.
 
@@ -179,13 +257,11 @@ def lift(joints: FloatArray, x: FloatArray, *, steps: int = _STEPS) -> FloatArra
         with a person that would be behind the camera.
     """
     known = np.asarray(np.isfinite(joints).all(-1))
-    used = np.asarray(known & np.isfinite(x).all(-1))
-    enough = used.sum(-1) >= _MIN_JOINTS
-    Y = np.where(known[..., None], joints, 0.0)
-    centre = Y.sum(1, keepdims=True) / np.maximum(known.sum(-1), 1)[:, None, None]
-    Y = np.where(known[..., None], Y - centre, 0.0)
-    target = np.where(used[..., None], x, 0.0)
-    root, solved = _place(Y, target, used & enough[:, None])
+    Y, target, used = _centred(joints, x)
+    enough = used.any(-1)
+    if crop:
+        Y = _undo_crop(Y, target, used, crop)
+    root, solved = _place(Y, target, used)
     for _ in range(steps):
         Y, root = _turn(Y, root, target, used)
     ahead = (Y[..., 2] + root[:, None, 2] > _NEAREST) | ~used

@@ -124,6 +124,12 @@ class Interpolation:
         u = np.where(self.inside, self.fraction, np.nan).reshape(-1, *[1] * (values.ndim - 1))
         return np.asarray((1 - u) * values[self.before] + u * values[self.after])
 
+    @property
+    def variance(self) -> tuple[FloatArray, FloatArray]:
+        """Variance (N,) of values over that of a sample, and its time derivative, per second."""
+        u = self.fraction
+        return np.asarray((1.0 - u) ** 2 + u**2), np.asarray((4.0 * u - 2.0) / self.interval)
+
     def both(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values (N, ...) at the wanted times, and their time derivative, per second."""
         shape = (-1, *[1] * (values.ndim - 1))

@@ -5,9 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import os
-import signal
 import sys
-import threading
 import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping
@@ -19,7 +17,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -46,6 +43,7 @@ from stcalib_ros.ros.load import Meter
 from stcalib_ros.ros.parameters import declare, settings_from
 from stcalib_ros.ros.publishers import Publishers, latched
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
+from stcalib_ros.ros.running import spin_until, stop_on_signals
 from stcalib_ros.ros.services import Services
 from stcalib_ros.ros.watcher import Watcher
 from stcalib_ros.ros.worker import Job, Outcome, Step, Worker, failure
@@ -53,7 +51,6 @@ from stcalib_ros.ros.worker import Job, Outcome, Step, Worker, failure
 _REPEAT_S = 5.0
 _REPEAT_STARVED_S = 30.0
 _STOP_S = 1.0
-_SPIN_S = 0.2
 
 Feedback = Callable[[Step], None]
 
@@ -420,9 +417,7 @@ def main() -> int:
     int
         Exit status: 0 stopped, 2 unusable parameters.
     """
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    stop = stop_on_signals()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("calibrator")
     try:
@@ -430,19 +425,15 @@ def main() -> int:
     except InputError as error:
         print(f"calibrator: {error}", file=sys.stderr)
         return 2
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
     # What is there now stays: the collector would look through it again and again, 60 ms each time.
     gc.collect()
     gc.freeze()
-    while not stop.is_set() and rclpy.ok():
-        executor.spin_once(timeout_sec=_SPIN_S)
+    spin_until(stop, node)
     if not calibrator.worker.stop(_STOP_S):
         # The solver is in the middle of a long step. Nothing is being written: leave it.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(0)
-    executor.shutdown()
     calibrator.services.destroy()
     node.destroy_node()
     rclpy.shutdown()

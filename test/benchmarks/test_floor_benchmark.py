@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from benchmarks import floor, measure
+from benchmarks import floor
 from benchmarks.scenarios import Scenario
 from stcalib_ros.core.errors import CalibrationError
 from stcalib_ros.core.geometry import exp_so3
@@ -24,24 +24,6 @@ CASE = Scenario(
     Fraction(1),
     {"E_R": 1.5, "E_t": 1.5, "E_delta": 1.5},
 )
-
-
-@pytest.fixture
-def play(monkeypatch):
-    """Let the calibration return what a function makes of the truth."""
-
-    def play_with(answer):
-        truths = []
-
-        def simulated(*args, **kwargs):
-            scene = simulate(*args, **kwargs)
-            truths.append(scene.truth)
-            return scene
-
-        monkeypatch.setattr(floor, "simulate", simulated)
-        monkeypatch.setattr(measure, "calibrate", lambda *_: answer(truths[-1]))
-
-    return play_with
 
 
 def turned_by(factor):

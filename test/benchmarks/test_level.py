@@ -9,7 +9,7 @@ import pytest
 from benchmarks import level, measure
 from benchmarks.scenarios import SCENARIOS, Scenario
 from stcalib_ros.core.errors import CalibrationError
-from stcalib_ros.core.synthetic import SceneOptions, simulate
+from stcalib_ros.core.synthetic import SceneOptions
 from stcalib_ros.core.types import Status, UncalibratedCamera
 
 SCENARIO = Scenario(
@@ -17,26 +17,17 @@ SCENARIO = Scenario(
 )
 
 
-@pytest.fixture
-def play(monkeypatch):
-    """Let the calibration return what a function makes of the truth."""
-
-    def play_with(answer):
-        truths = []
-
-        def simulated(*args, **kwargs):
-            scene = simulate(*args, **kwargs)
-            truths.append(scene.truth)
-            return scene
-
-        monkeypatch.setattr(measure, "simulate", simulated)
-        monkeypatch.setattr(measure, "calibrate", lambda *_: answer(truths[-1]))
-
-    return play_with
-
-
 def section(n_scenes=3):
     return level.summary(SCENARIO, [measure.run_scene(SCENARIO, k) for k in range(n_scenes)])
+
+
+def late(truth, frames=3.0):
+    """Every camera's clock by so many frames more than that of the one before it."""
+    cameras = [
+        replace(c, time_offset_s=c.time_offset_s + frames / 30.0 * k)
+        for k, c in enumerate(truth.cameras)
+    ]
+    return replace(truth, cameras=tuple(cameras))
 
 
 def verdicts(rows):
@@ -78,12 +69,6 @@ def test_a_missing_camera_and_a_bad_status_count_as_not_solved(play):
 
 
 def test_an_error_beyond_the_bounds_is_named(play):
-    def late(truth):
-        cameras = [
-            replace(c, time_offset_s=c.time_offset_s + 0.1 * k) for k, c in enumerate(truth.cameras)
-        ]
-        return replace(truth, cameras=tuple(cameras))
-
     play(late)
     assert section().notes[0] == "seed 0: E_delta 6"
 
@@ -106,12 +91,6 @@ def test_command(play, capsys):
 
 
 def test_what_is_given_out_as_good_and_is_not_is_counted(play):
-    def late(truth):
-        cameras = [
-            replace(c, time_offset_s=c.time_offset_s + 0.1 * k) for k, c in enumerate(truth.cameras)
-        ]
-        return replace(truth, cameras=tuple(cameras))
-
     play(late)
     assert verdicts(section().rows)["wrong, but OK"] is False
     play(lambda truth: replace(late(truth), status=Status.DEGENERATE))
@@ -126,6 +105,31 @@ def test_to_refuse_is_right_where_it_may_be(play):
     hard = replace(SCENARIO, may_refuse=True)
     rows = level.summary(hard, [measure.run_scene(hard, 0)]).rows
     assert verdicts(rows)["solved"] is True
+
+
+def test_harder_scenes_stand_beside_the_same_without_that(play):
+    def runs(frames):
+        play(lambda truth: late(truth, frames))
+        return [measure.run_scene(SCENARIO, k) for k in range(2)]
+
+    harder, clean = replace(SCENARIO, beside="clean"), runs(0.01)
+    for frames, met in ((0.014, True), (0.016, False)):
+        rows = level.summary(harder, runs(frames), [*clean, *runs(0.1)]).rows
+        (row,) = (row for row in rows if row.figure == "E_delta / clean")
+        assert float(row.value) == pytest.approx(100 * frames, rel=0.01)
+        assert (row.target, row.met) == ("<= 1.5", met)
+
+
+def test_the_worst_tenth_has_a_limit_of_its_own(play):
+    play(lambda truth: late(truth, 0.01))
+    asked = {"medians": {"E_delta": 1.0}, "p90": {"E_delta": 0.001}}
+    runs = [measure.run_scene(SCENARIO, k) for k in range(2)]
+    (row,) = (
+        row
+        for row in level.summary(replace(SCENARIO, **asked), runs).rows
+        if row.figure == "E_delta"
+    )
+    assert (row.target, row.met) == ("median <= 1, p90 <= 0.001", False)
 
 
 @pytest.mark.parametrize("how", ["ignored", "given", "estimated"])

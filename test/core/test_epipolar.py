@@ -11,10 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from stcalib_ros.core.epipolar import correspondences, refine_pair, sampson
+from stcalib_ros.core.epipolar import correspondences, refine_pair, sampson, white_noise_px
 from stcalib_ros.core.geometry import exp_so3, hat, log_so3, rotation_angle
-from stcalib_ros.core.hypotheses import PairHypothesis
-from stcalib_ros.core.synthetic import simulate
+from stcalib_ros.core.hypotheses import PairHypothesis, register_pair
+from stcalib_ros.core.options import RegistrationOptions
+from stcalib_ros.core.pose_error import registration_deviations
+from stcalib_ros.core.synthetic import SceneOptions, paper_scene, simulate
+from stcalib_ros.core.timeline import sample_camera
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -67,13 +70,27 @@ def test_the_distance_is_to_first_order_how_far_points_have_to_move(rng):
         assert np.sqrt(found.fun / 1e8) == pytest.approx(abs(s), rel=1e-2)
 
 
+@given(seeds, st.floats(0.1, 1.0))
+def test_a_point_of_less_noise_counts_as_one_measured_more_finely(seed, noise):
+    """Scaling the axes of image b by the noise makes it the ordinary distance."""
+    x_a, x_b, E = random_views(np.random.default_rng(seed))
+    x_a[:, :2] += 0.01
+    finer = np.diag([1 / noise, 1 / noise, 1])
+    there = sampson(E @ np.linalg.inv(finer), x_a, x_b @ finer)
+    np.testing.assert_allclose(sampson(E, x_a, x_b, noise**2), there, rtol=1e-9)
+
+
 # Refinement
 
 
 @pytest.fixture(scope="module")
 def subframe():
-    """A scene whose clocks are off by fractions of a frame, lifted, and the truth of a pair."""
-    scene = simulate(replace(EXACT, max_offset_frames=4, seed=3))
+    """Exact key points, clocks off by fractions of a frame, poses off by their usual errors.
+
+    And the truth of a pair.
+    """
+    poses = {"lifter_mm": (45, 45), "tilt_deg": 3, "crop_perspective": 1}
+    scene = simulate(replace(EXACT, max_offset_frames=4, seed=3, **poses))
     rig = true_rig(scene)
     persons = [
         {int(own[0]): i for i, own in enumerate(scene.track_persons[c.name].values())}
@@ -111,13 +128,27 @@ def direction_error(h, truth):
 @pytest.mark.parametrize("seed", range(4))
 def test_rotation_direction_and_lag_between_frames_are_recovered(subframe, seed):
     cameras, truth = subframe
-    refined = refine_pair(cameras, disturbed(truth, degrees=4, frames=1.3, seed=seed))
+    refined = refine_pair(cameras, disturbed(truth, degrees=2, frames=1.3, seed=seed))
     # The prior holds on to the start, and images are read off between frames linearly.
-    assert rotation_angle(refined.R_a_b.T @ truth.R_a_b) < 2e-3
-    assert direction_error(refined, truth) < 2e-3
+    assert rotation_angle(refined.R_a_b.T @ truth.R_a_b) < 3e-3
+    assert direction_error(refined, truth) < 3e-3
     assert abs(refined.lag_s - truth.lag_s) < 0.05 * FRAME_S
     assert np.linalg.norm(refined.t_a_b) == pytest.approx(np.linalg.norm(truth.t_a_b), rel=0.01)
     assert refined.epipolar_px < 0.5
+
+
+def test_noise_that_is_new_in_every_image_is_told_from_motion_and_from_noise_that_stays(rng):
+    scene = simulate(replace(EXACT, max_offset_frames=4, seed=3))
+    camera = lifted(scene.recording)[1][0]
+
+    def noisy(track):
+        new = rng.normal(size=track.x.shape)
+        stays = rng.normal(size=(1, *track.x.shape[1:]))
+        return replace(track, x=track.x + (2 * new + 5 * stays) / track.focal[..., None])
+
+    assert white_noise_px(camera.tracks) < 0.1
+    assert white_noise_px([noisy(t) for t in camera.tracks]) == pytest.approx(2, rel=0.05)
+    assert white_noise_px([replace(t, frames=2 * t.frames) for t in camera.tracks]) == 0
 
 
 def test_the_truth_stays(subframe):
@@ -136,7 +167,11 @@ def test_a_baseline_of_the_wrong_sign_is_turned(subframe):
 def scipy_optimum(cameras, start, refined):
     """Minimum of the same robust cost, found without derivatives from where the refined is."""
     c = correspondences(cameras, refined)
+    at_optimum = sampson(hat(refined.t_a_b) @ refined.R_a_b, c.x_a, c.x_b) * c.focal
+    deviation = 1.48 * np.median(np.abs(at_optimum))
+    white = min(1, (white_noise_px(cameras[1].tracks) / deviation) ** 2)
     unit = start.t_a_b / np.linalg.norm(start.t_a_b)
+    rotation, direction = registration_deviations(cameras[start.a], cameras[start.b], start)
     tangent = np.linalg.svd(unit[None])[2][1:]
 
     def unpack(v):
@@ -146,12 +181,11 @@ def scipy_optimum(cameras, start, refined):
     def parts(v):
         R, t, lag_s = unpack(v)
         x = correspondences(cameras, replace(refined, lag_s=lag_s))
-        r = sampson(hat(t) @ R, x.x_a, x.x_b) * x.focal
-        prior = [*log_so3(R @ start.R_a_b.T) / 0.1, *(t - unit) / 0.2]
+        r = sampson(hat(t) @ R, x.x_a, x.x_b, 1 - white * (1 - x.variance_b)) * x.focal
+        prior = [*log_so3(R @ start.R_a_b.T) / rotation, *(t - unit) / direction]
         return r, np.array(prior)
 
-    r = parts(np.zeros(6))[0]
-    scale = max(3.0, 1.5 * 1.48 * np.median(np.abs(r)))
+    scale = max(3.0, 1.5 * deviation)
 
     def cost(v):
         r, prior = parts(v)
@@ -176,22 +210,7 @@ def test_refinement_reaches_the_optimum_of_its_cost():
 
 def test_too_few_points_are_not_refined(subframe):
     cameras, truth = subframe
-    short = tuple(
-        replace(
-            c,
-            tracks=tuple(
-                replace(
-                    t,
-                    frames=t.frames[:2],
-                    x=t.x[:2],
-                    focal=t.focal[:2],
-                    joints_cam=t.joints_cam[:2],
-                )
-                for t in c.tracks
-            ),
-        )
-        for c in cameras
-    )
+    short = tuple(replace(c, tracks=tuple(track[:2] for track in c.tracks)) for c in cameras)
     assert refine_pair(short, replace(truth, matches=truth.matches[:1])) is None
 
 
@@ -220,3 +239,22 @@ def test_velocities_are_those_of_the_points(subframe):
     c = correspondences(cameras, truth)
     later = correspondences(cameras, replace(truth, lag_s=truth.lag_s + h))
     np.testing.assert_allclose((later.x_b - c.x_b) / h, c.v_b, atol=1e-6)
+
+
+def test_poses_as_exact_as_key_points_are_not_traded_for_them():
+    """Noise on the 3D points, as the paper has it: poses say more than their images."""
+    before, after, frames = [], [], []
+    for seed in range(3):
+        scene = paper_scene(SceneOptions(n_cameras=2, n_frames=200, seed=seed))
+        skeleton, cameras = lifted(scene.recording)
+        grids = [sample_camera(c, skeleton, start=0.0, step=FRAME_S, n=200 + 5) for c in cameras]
+        found = register_pair(0, 1, *grids, 10, RegistrationOptions())[0]
+        refined = refine_pair(cameras, found)
+        rig = true_rig(scene)
+        R, t = rig.R_ref_cam[1], rig.t_ref_cam[1]
+        truth = replace(found, R_a_b=R, t_a_b=t)
+        before.append([rotation_angle(found.R_a_b.T @ R), direction_error(found, truth)])
+        after.append([rotation_angle(refined.R_a_b.T @ R), direction_error(refined, truth)])
+        frames.append(abs(refined.lag_s + rig.offset_s[1]) / FRAME_S)
+    assert (np.mean(after, 0) < 1.1 * np.mean(before, 0)).all()
+    assert np.mean(frames) < 0.12

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stcalib_ros.core.geometry import exp_so3, log_so3, umeyama
-from stcalib_ros.core.lift import lift
+from stcalib_ros.core.lift import crop_share, lift
+from stcalib_ros.core.synthetic.lifter import crop_rotation
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -188,3 +189,48 @@ def test_tracks_of_nothing_are_left_out(exact_scene):
     _, cameras = lifted(changed(exact_scene.recording, "cam1", tracks_changed(unseen)))
     assert [len(c.tracks) > 0 for c in cameras] == [True, False, True, True]
     assert len(cameras[1].stamps) == len(exact_scene.recording.cameras[1].stamps)
+
+
+def off_axis(poses, degrees):
+    """The same people in the middle of the image, then turned out of it."""
+    middle = crop_rotation(poses.mean((0, 1))[None], 1.0).as_matrix()[0]
+    return poses @ middle.T @ exp_so3(np.radians(degrees) * np.array([-0.6, 0.8, 0.0])).T
+
+
+def as_if_straight_ahead(poses, share):
+    """What a lifter makes of crops of the image."""
+    R = crop_rotation(poses[:, 0], share).as_matrix()
+    return np.einsum("fab,fjb->fja", R, poses - poses[:, :1])
+
+
+@pytest.mark.parametrize("degrees", [20, 30, 45])
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_the_share_of_the_crop_is_found_and_taken_back(poses, rng, degrees, share):
+    true = off_axis(poses, degrees)
+    wrong = as_if_straight_ahead(true, share)
+    wrong += 0.02 * rng.normal(size=wrong.shape)
+    x = on_plane(true) + 0.002 * rng.normal(size=(*wrong.shape[:2], 2))
+    assert crop_share([(wrong[:12], x[:12]), (wrong[12:], x[12:])]) == share
+    after = np.median(angles(lift(wrong, x, crop=share), true))
+    assert after < np.radians(3)
+    if share * degrees >= 30:
+        assert np.median(angles(lift(wrong, x), true)) > 1.5 * after
+
+
+def test_without_people_nothing_is_turned():
+    none = np.full((4, 17, 3), np.nan)
+    assert crop_share([]) == crop_share([(none, none[..., :2])]) == 0.0
+
+
+def test_each_camera_has_a_share_of_its_own(exact_scene, exact_lifted):
+    _, true = exact_lifted
+    poses = {track.track_id: track.joints_cam for track in true[1].tracks}
+
+    def of_crops(track):
+        return replace(track, joints=as_if_straight_ahead(poses[track.track_id], 1.0))
+
+    _, cameras = lifted(changed(exact_scene.recording, "cam1", tracks_changed(of_crops)))
+    for camera, before in zip(cameras, true, strict=True):
+        for track, exact in zip(camera.tracks, before.tracks, strict=True):
+            off = angles(track.joints_cam, exact.joints_cam)
+            assert np.median(off) < (np.radians(1) if camera.name == "cam1" else 1e-6)

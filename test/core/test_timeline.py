@@ -150,3 +150,9 @@ def test_the_step_is_the_median_of_the_periods(exact_lifted):
     assert common_step([slow]) == pytest.approx(2 * FRAME_S)
     assert common_step([usual, slow, usual]) == pytest.approx(FRAME_S)
     assert common_step([usual, slowest, slow, usual]) == pytest.approx(2 * FRAME_S)
+
+
+def test_between_two_samples_there_is_less_noise():
+    at = Interpolation(np.arange(0.0, 6.0, 2.0), np.array([0.0, 1.0, 2.5, 4.0]), period=2.0)
+    np.testing.assert_allclose(at.variance[0], [1, 1 / 2, 0.75**2 + 0.25**2, 1])
+    np.testing.assert_allclose(at.variance[1], [-1, 0, -0.5, 1])

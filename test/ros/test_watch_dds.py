@@ -14,8 +14,6 @@ pytest.importorskip("stcalib_ros.msg", reason="the messages are not built: make 
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from live import Client, LiveNode
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 
 from stcalib_ros.core.excerpt import excerpt
 from stcalib_ros.core.geometry import rotation_angle
@@ -129,17 +127,9 @@ def test_it_calibrates_again_from_what_came_after(played, before):
 def test_it_can_be_switched_off_and_on(played):
     _, client, _, _ = played
 
-    def switch(on: bool) -> None:
-        parameters = [Parameter("watch", value=on).to_parameter_msg()]
-        assert (
-            client.answer(SetParameters, "set_parameters", parameters=parameters)
-            .results[0]
-            .successful
-        )
-
-    switch(False)
+    assert client.change(watch=False) == [(True, "")]
     client.wait(lambda: client.status("camera cam1")["watch"] == "off", "the end of the watch")
-    switch(True)
+    assert client.change(watch=True) == [(True, "")]
     client.wait(lambda: client.status("camera cam1")["watch"] != "off", "the watch")
     assert "has moved" not in client.status("camera cam1")["message"]
 

@@ -139,9 +139,7 @@ def _seen(track: LiftedTrack, rows: BoolArray) -> LiftedTrack:
             np.full_like(one[:1], np.nan) for one in (track.x, track.focal, track.joints_cam)
         )
         return LiftedTrack(track.track_id, track.frames[:1], x, focal, joints)
-    return LiftedTrack(
-        track.track_id, track.frames[rows], track.x[rows], track.focal[rows], track.joints_cam[rows]
-    )
+    return track[rows]
 
 
 def _by_correlation(

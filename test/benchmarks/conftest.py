@@ -1,0 +1,28 @@
+"""What several benchmarks' tests share."""
+
+from collections.abc import Callable
+
+import pytest
+
+from benchmarks import floor, measure
+from stcalib_ros.core.synthetic import Scene, simulate
+from stcalib_ros.core.types import Calibration
+
+
+@pytest.fixture
+def play(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Calibration], Calibration]], None]:
+    """Let the calibration return what a function makes of the truth."""
+
+    def play_with(answer: Callable[[Calibration], Calibration]) -> None:
+        truths = []
+
+        def simulated(*args, **kwargs) -> Scene:
+            scene = simulate(*args, **kwargs)
+            truths.append(scene.truth)
+            return scene
+
+        for benchmark in (floor, measure):
+            monkeypatch.setattr(benchmark, "simulate", simulated)
+        monkeypatch.setattr(measure, "calibrate", lambda *_: answer(truths[-1]))
+
+    return play_with
