@@ -297,6 +297,7 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "rig.json").write_text(json.dumps(RIG))
     arguments = ["--rig", str(tmp_path / "rig.json"), "--n-frames", "12", "--seed", "4"]
     arguments += ["--fps", "30", "25", "--sigma-px", "0", "--lifter-mm", "10", "20", "--occlusions"]
+    arguments += ["--line-time-s", "1e-5", "0"]
     for name in ("a", "b"):
         bag, answer = str(tmp_path / f"{name}.mcap"), str(tmp_path / f"{name}.yaml")
         assert main(["simulate", bag, "--truth", answer, *arguments]) == 0
@@ -305,6 +306,7 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert [c.name for c in recording.cameras] == ["left", "right"]
     assert np.diff(recording.cameras[1].stamps) == pytest.approx(0.04)
     assert [c.name for c in read_result(tmp_path / "a.yaml").cameras] == ["left", "right"]
+    assert [c.line_time_s for c in read_result(tmp_path / "a.yaml").cameras] == [1e-5, 0.0]
     for suffix in ("mcap", "yaml"):
         first, second = (tmp_path / f"{name}.{suffix}" for name in ("a", "b"))
         assert first.read_bytes() == second.read_bytes()
@@ -315,6 +317,7 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["--n-people", "0"], "n_people must be at least 1, got 0"),
         (["--fps", "30", "25"], "2 rates for 4 cameras"),
+        (["--line-time-s", "1e-5", "2e-5"], "2 line times for 4 cameras"),
         (["--rig", "missing.json"], "cannot read missing.json"),
         (["--rig", TRUTH], "is no camera rig"),
         (["--missing", "1.5"], "missing must be a share"),

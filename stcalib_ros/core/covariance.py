@@ -45,18 +45,18 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
         (rad) and offset (s).
     """
     free, _ = stba.gauge(state.t_cam_ref, synchronised=state.synchronised)
-    cluster = _clusters(o, state.used.sum(1) >= 2, n_unknowns=len(free))
-    system, U = stba.cluster_scores(o, _calmed(o, state), cluster)
+    cluster = clusters(o, state.used.sum(1) >= 2, n_unknowns=len(free))
+    system, U = stba.cluster_scores(o, calmed(o, state), cluster)
     inverse = _inverse(system.H, state)
     n = U.shape[1]
     covariance = inverse @ (U @ U.T) @ inverse * n / max(n - len(free), 1)
-    J = _to_reference(state)
+    J = to_reference(state)
     return np.asarray(J @ covariance @ J.T)
 
 
 def information_covariance(H: FloatArray, state: stba.BundleState) -> FloatArray:
     """Joint covariance, as `pose_covariance` gives it, of normal equations H (7 C, 7 C)."""
-    J = _to_reference(state)
+    J = to_reference(state)
     return np.asarray(J @ _inverse(H, state) @ J.T)
 
 
@@ -71,13 +71,13 @@ def _inverse(H: FloatArray, state: stba.BundleState) -> FloatArray:
     return out
 
 
-def _calmed(o: Observations, state: stba.BundleState) -> stba.BundleState:
+def calmed(o: Observations, state: stba.BundleState) -> stba.BundleState:
     """The state with velocities of less noise."""
     V, A = stba.motion(o, state.X, state.used.sum(1) >= 2, half_window=_VELOCITY_HALF_WINDOW)
     return replace(state, V=V, A=A)
 
 
-def _clusters(o: Observations, known: BoolArray, *, n_unknowns: int) -> IntArray:
+def clusters(o: Observations, known: BoolArray, *, n_unknowns: int) -> IntArray:
     """Number (N, J) of the cluster of each joint: of one person over a span of time.
 
     The span is shortened where that would leave fewer clusters of known joints than three per
@@ -98,7 +98,7 @@ def _clusters(o: Observations, known: BoolArray, *, n_unknowns: int) -> IntArray
     return cluster
 
 
-def _to_reference(state: stba.BundleState) -> FloatArray:
+def to_reference(state: stba.BundleState) -> FloatArray:
     """Derivative of (centre, rotation in the reference frame, offset) by (rotation, t, shift)."""
     C = len(state.t_cam_ref)
     J = np.zeros((7 * C, 7 * C))

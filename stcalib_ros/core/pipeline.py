@@ -16,6 +16,7 @@ from stcalib_ros.core.averaging import Rig, integrate
 from stcalib_ros.core.checks import (
     Insufficient,
     require_known_cameras,
+    require_line_times,
     require_reference,
     select_cameras,
 )
@@ -24,6 +25,7 @@ from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.evidence import CameraEvidence, evidence
 from stcalib_ros.core.final.clock_rate import with_clock_rates
 from stcalib_ros.core.final.image_times import added_covariance, with_image_times
+from stcalib_ros.core.final.line_time import refine_with_line_times, with_line_times
 from stcalib_ros.core.final.refine import refine
 from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.left_out import LeftOut
@@ -167,6 +169,7 @@ class _Run:
     def stages(self) -> Stages:
         first = require_reference(self.recording, self.options)
         require_known_cameras(self.recording, self.options)
+        require_line_times(self.recording)
         self.tick("lift", 0.0)
         views = lift_views(self.recording, self.options)
         self.skeleton, self.lifted = views.skeleton, views.lifted
@@ -321,17 +324,26 @@ class _Run:
             start = self._start(self.left_out.largest_part(start.rig, result))
 
     def _refined(self, rounds: tuple[Round, ...]) -> tuple[tuple[Round, ...], FloatArray]:
-        """Adjust with biases of key points, errors of stamps, clock rates; covariance of that."""
-        bundle = self.options.bundle
+        """Adjust with line times, biases, errors of stamps, clock rates; covariance of that."""
+        bundle, layout = self.options.bundle, self.skeleton.layout
         self._tick_round(1.0, rounds[-1])
-        refined = refine(self.lifted, rounds[-1], self.skeleton.layout, bundle)
+        if self.options.estimate_line_time:
+            last, refined = refine_with_line_times(self.lifted, rounds[-1], layout, bundle)
+            rounds = (*rounds[:-1], last)
+        else:
+            refined = refine(self.lifted, rounds[-1], layout, bundle)
         if refined is not None:
             rounds += (refined.round,)
-        last = with_clock_rates(with_image_times(self.lifted, rounds[-1], bundle), bundle)
+        last = with_image_times(self.lifted, rounds[-1], bundle)
+        if self.options.estimate_line_time and last.stamps is not None:
+            last = with_line_times(self.lifted, last, bundle)
+        last = with_clock_rates(last, bundle)
         state = put_back(last.observations, last.state, iterations=bundle.max_iterations)
         if state is not last.state:
             last = last.moved(last.observations, state)
         covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
+        if last.lines is not None:
+            covariance = covariance + last.lines.added
         if refined is not None:
             covariance = covariance + refined.excess
         return (*rounds[:-1], last), covariance

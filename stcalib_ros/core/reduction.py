@@ -89,7 +89,11 @@ class Block:
         self.x = o.x[rows].transpose(1, 3, 0, 2).reshape(C, 2, n * J)[:, :, keep]
         focal = o.focal[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
         self.focal: FloatArray = focal * self.mask
-        self.phi = np.repeat(o.phi[rows].T, J, axis=1)[:, keep]
+        elapsed = np.broadcast_to(o.elapsed(rows), (n, C, J))
+        self.phi = elapsed.transpose(1, 0, 2).reshape(C, n * J)[:, keep]
+        self.row = (
+            None if o.row is None else o.row[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
+        )
         self.V = V[rows].reshape(-1, 3)[keep].T
         self.A = A[rows].reshape(-1, 3)[keep].T
 
@@ -202,17 +206,51 @@ class Linearisation:
         g = (q * self.RV).sum(1) - (y * z[:, None]).sum(0)
         return (pull * self.RV).sum(1), y, g
 
+    def with_lines(self, scale: float) -> tuple[FloatArray, FloatArray]:
+        """Normal equations of the cameras and of their line times, without damping.
+
+        A line time acts like an offset, times the rows of the points.
+
+        Returns
+        -------
+        H : (8 C, 8 C) ndarray
+            Those of the cameras first, then the line times.
+        scores : (8 C, P) ndarray
+            Reduced gradients of the single points.
+        """
+        system, _, eliminated, T = self.reduce(scale, 0.0)
+        m, q = self._weighted(scale)
+        row = np.asarray(self.block.row)
+        C, P = m.shape
+        by_camera = self._gradients(self._pull(m, self.RV)) * row[:, None]
+        by_point = T[:, CAMERA - 1 :: CAMERA] * row
+        mixed = -np.einsum("kap,kcp->ac", T, by_point, optimize=True)
+        lines = -np.einsum("kcp,kdp->cd", by_point, by_point, optimize=True)
+        for c in range(C):
+            mixed[CAMERA * c : CAMERA * (c + 1), c] += by_camera[c].sum(-1)
+            lines[c, c] += (by_camera[c, CAMERA - 1] * row[c]).sum()
+        direct = self._gradients(q).reshape(CAMERA * C, P)
+        scores = direct - np.einsum("kap,kp->ap", T, eliminated.z)
+        of_lines = scores[CAMERA - 1 :: CAMERA] * row
+        H = np.block([[system.H, mixed], [mixed.T, lines]])
+        return H, np.concatenate([scores, of_lines])
+
     def followed(self, eliminated: Eliminated, scale: float, d_camera: FloatArray) -> FloatArray:
         """Joints (P, 3) after a step (C, 7) of the cameras and the step of the points to it."""
         m, _ = self._weighted(scale)
         omega, d_t, d_shift = d_camera[:, :3], d_camera[:, 3:6], d_camera[:, 6]
         moved = hat(omega) @ self.Y + d_t[:, :, None] + d_shift[:, None, None] * self.RV
-        pull = np.empty_like(moved)
-        pull[:, :2] = m[:, None] * (moved[:, :2] - self.u * moved[:, 2:])
-        pull[:, 2] = -(self.u[:, 0] * pull[:, 0] + self.u[:, 1] * pull[:, 1])
+        pull = self._pull(m, moved)
         towards = (np.swapaxes(self.cameras.R, -1, -2) @ pull).sum(0)
         y = eliminated.z + forward_solve(eliminated.factors, towards)
         return np.asarray((self.X - backward_solve(eliminated.factors, y)).T)
+
+    def _pull(self, m: FloatArray, moved: FloatArray) -> FloatArray:
+        """``M`` times displacements (C, 3, P) in the axes of the cameras."""
+        pull = np.empty_like(moved)
+        pull[:, :2] = m[:, None] * (moved[:, :2] - self.u * moved[:, 2:])
+        pull[:, 2] = -(self.u[:, 0] * pull[:, 0] + self.u[:, 1] * pull[:, 1])
+        return pull
 
     def _camera_rows(self, m: FloatArray) -> FloatArray:
         """Rows j of ``M [-y x, I, R V]``, (3, C, 7, P)."""

@@ -69,6 +69,28 @@ class StampErrors:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class LineTimes:
+    """Line times of the shutters of the cameras (C,), estimated.
+
+    Attributes
+    ----------
+    line_s : (C,) ndarray
+        Seconds per row; where the recording does not tell it, the given one.
+    stddev_s : (C,) ndarray
+        Predicted; of those that are not told, what it would have been.
+    first_row_s : (C,) ndarray
+        What to add to the offsets of the rig for them to hold for row 0.
+    added : (7 C, 7 C) ndarray
+        What not to know the line times adds to the covariance of the cameras, offsets of row 0.
+    """
+
+    line_s: FloatArray
+    stddev_s: FloatArray
+    first_row_s: FloatArray
+    added: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Round:
     """What one round of association, adjustment and outlier removal left.
 
@@ -92,6 +114,8 @@ class Round:
         None where they were not asked for.
     stamps : StampErrors or None
         None where stamps have no errors that images tell.
+    lines : LineTimes or None
+        None where they were not estimated.
     """
 
     rig: Rig
@@ -103,6 +127,7 @@ class Round:
     share: float
     clocks: ClockRates | None = None
     stamps: StampErrors | None = None
+    lines: LineTimes | None = None
 
     def moved(self, observations: Observations, state: stba.BundleState) -> Round:
         """The same persons after one more adjustment of the same images."""

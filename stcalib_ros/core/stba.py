@@ -99,7 +99,7 @@ def _triangulated(
     N, _, J = o.seen.shape
     X, good = np.zeros((N, J, 3)), np.zeros((N, J), dtype=bool)
     for rows in _blocks(o):
-        when = o.phi[rows, None, :, None]
+        when = o.elapsed(rows).transpose(0, 2, 1)[..., None]
         moved = when * (V[rows, :, None] + 0.5 * when * A[rows, :, None])
         weight = o.seen[rows].transpose(0, 2, 1).astype(float)
         found, good[rows] = triangulate(
@@ -151,7 +151,7 @@ def at_images(
     o: Observations, state: BundleState, rows: slice | IntArray = slice(None)
 ) -> FloatArray:
     """Joints (N, C, J, 3) in the reference frame at the time of each camera's image."""
-    when = (o.phi[rows] + state.shift_s)[..., None, None]
+    when = (o.elapsed(rows) + state.shift_s[:, None])[..., None]
     V, A = state.V[rows][:, None], state.A[rows][:, None]
     return np.asarray(state.X[rows][:, None] + when * (V + 0.5 * when * A))
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from stcalib_ros.core.geometry import quaternion_from_matrix, rotation_angle
 from stcalib_ros.core.pipeline import Stages
+from stcalib_ros.core.shutter import line_time_text
 from stcalib_ros.core.timeline import frame_period
 from stcalib_ros.core.types import (
     Calibration,
@@ -111,7 +112,7 @@ def _camera(camera: CameraCalibration, errors: CameraErrors, reference: str) -> 
         position,
         _numbers(quaternion_from_matrix(camera.R_ref_cam), 4),
         turned,
-        "reference" if is_reference else _offset(camera),
+        "reference" + line_time_text(camera) if is_reference else _offset(camera),
         f"{len(errors.inliers)} ({errors.share:.0%})",
     )
 
@@ -121,7 +122,7 @@ def _offset(camera: CameraCalibration) -> str:
     text += _plus_minus(1e3 * camera.time_offset_stddev_s, 2)
     if camera.clock_skew:
         text += f", {1e6 * camera.clock_skew:+.1f} ppm"
-    return text
+    return text + line_time_text(camera)
 
 
 def _numbers(values: FloatArray, digits: int) -> str:
