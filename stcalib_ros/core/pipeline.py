@@ -43,6 +43,7 @@ from stcalib_ros.core.types import (
     Status,
     UncalibratedCamera,
 )
+from stcalib_ros.core.velocity_noise import settled
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it that is done."""
@@ -382,6 +383,7 @@ class _Run:
         if refined is not None:
             self.rounds += (refined.round,)
         last = with_clock_rates(with_image_times(self.lifted, self.rounds[-1], bundle), bundle)
+        last = last.moved(last.observations, settled(last.observations, last.state))
         self.rounds = (*self.rounds[:-1], last)
         covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
         return covariance if refined is None else covariance + refined.excess
