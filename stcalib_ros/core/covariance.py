@@ -19,12 +19,11 @@ _CLUSTERS_PER_UNKNOWN = 3
 def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
     """Joint covariance of all cameras.
 
-    That of the normal equations, what is noise in the velocities taken off, for as much noise of
-    the image points as is left of it over time: a detector is off by the same few centimetres at a
-    joint as long as it sees the person from that side. The gradients u_k of everything that is
-    seen of one joint of one person over five seconds or so count as independent, and
-    ``sum_k u_k^T H^-1 u_k`` per unknown is that noise, but no less than the scatter of single
-    image points. A full covariance from the u_k would be too small: there are too few of them.
+    That of the normal equations, what is noise in the velocities taken off, times one variance for
+    all. A detector is off by the same few centimetres at a joint as long as it sees the person from
+    that side: the gradients u_k of everything that is seen of one joint of one person over five
+    seconds or so count as independent, and the variance is their ``sum_k u_k^T H^-1 u_k`` per
+    unknown. A full covariance from the u_k would be too small: there are too few of them.
 
     The gauge is the pose and clock of the reference and the length of the first baseline,
     whose rows are zero.
@@ -44,14 +43,23 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
     free, _ = stba.gauge(state.t_cam_ref, synchronised=state.synchronised)
     cluster = _clusters(o, state.used.sum(1) >= 2, n_unknowns=len(free))
     system, U = stba.cluster_scores(o, state, cluster)
-    sigma = max(stba.robust_scale(stba.errors_px(o, state), state.used), stba.MIN_SCALE_PX)
-    n, n_unknowns = U.shape[1], len(free) - 1
     found = float(np.einsum("an,ab,bn", U, _inverse(system.H, state), U, optimize=True))
-    variance = max(sigma**2, found / n_unknowns * n / max(n - n_unknowns, 1))
+    errors = stba.errors_px(o, state)
+    scale = stba.CAUCHY * max(stba.robust_scale(errors, state.used), stba.MIN_SCALE_PX)
+    variance = found / (len(free) - 1) * _curvature_lost(errors[state.used], scale) ** 2
     if not state.synchronised:
-        noise = velocity_noise(o, state, well_placed(o, state), stba.CAUCHY * sigma)
+        noise = velocity_noise(o, state, well_placed(o, state), scale)
         system = noise.taken_off(system, state.shift_s)
     return information_covariance(system.H / variance, state)
+
+
+def _curvature_lost(errors: FloatArray, scale: float) -> float:
+    """How much flatter the robust cost is than its weights make the normal equations.
+
+    A weight ``w = 1 / (1 + r^2 / s^2)`` stands for a mean second derivative of w^2 in the plane.
+    """
+    weight = 1.0 / (1.0 + (errors[np.isfinite(errors)] / scale) ** 2)
+    return float(weight.mean() / (weight**2).mean())
 
 
 def information_covariance(H: FloatArray, state: stba.BundleState) -> FloatArray:
