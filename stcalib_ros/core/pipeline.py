@@ -43,6 +43,7 @@ from stcalib_ros.core.slow_motion import put_back
 from stcalib_ros.core.starts import best_start
 from stcalib_ros.core.timeline import common_step
 from stcalib_ros.core.types import Calibration, FloatArray, Recording
+from stcalib_ros.core.velocity_noise import settled
 from stcalib_ros.core.verdict import Solution, judge, rivalry
 
 Progress = Callable[[str, float], None]
@@ -339,8 +340,9 @@ class _Run:
             last = with_line_times(self.lifted, last, bundle)
         last = with_clock_rates(last, bundle)
         state = put_back(last.observations, last.state, iterations=bundle.max_iterations)
-        if state is not last.state:
-            last = last.moved(last.observations, state)
+        if state is last.state:
+            state = settled(last.observations, state)
+        last = last.moved(last.observations, state)
         covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
         if last.lines is not None:
             covariance = covariance + last.lines.added

@@ -178,8 +178,16 @@ class Linearisation:
         direct = self._gradients(q).reshape(T.shape[1:])
         return np.asarray(direct - np.einsum("kap,kp->ap", T, eliminated.z))
 
-    def by_time(self, scale: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def by_time(
+        self, scale: float, V: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What the points say about the time of each camera's image, poses given.
+
+        Parameters
+        ----------
+        scale : float
+        V : (3, P) ndarray, optional
+            Other velocities than those of the points.
 
         Returns
         -------
@@ -193,18 +201,31 @@ class Linearisation:
         """
         m, q = self._weighted(scale)
         R_T = np.swapaxes(self.cameras.R, -1, -2)
+        RV = self.RV if V is None else self.cameras.R @ V
+        N = self._image_rows(m)
+        pull = np.einsum("icjp,cjp->cip", N, RV, optimize=True)
+        factors = self._point_factors(N)
+        y = forward_solve(factors, (R_T @ pull).transpose(1, 0, 2).copy())
+        z = forward_solve(factors, (R_T @ q).sum(0))
+        g = (q * RV).sum(1) - (y * z[:, None]).sum(0)
+        return (pull * RV).sum(1), y, g
+
+    def unweighted_factors(self) -> tuple[FloatArray, ...]:
+        """Cholesky factors of what the points are told by, all image points weighing alike."""
+        return self._point_factors(self._image_rows(self._weighted(np.inf)[0]))
+
+    def _image_rows(self, m: FloatArray) -> FloatArray:
+        """Rows i of M, (3, C, 3, P)."""
         N = np.empty((3, len(m), 3, m.shape[1]))
         mu = m[:, None] * self.u
         N[0, :, 0], N[0, :, 1], N[1, :, 0], N[1, :, 1] = m, 0.0, 0.0, m
         N[0, :, 2], N[1, :, 2] = -mu[:, 0], -mu[:, 1]
         N[2, :, :2], N[2, :, 2] = -mu, (mu * self.u).sum(1)
-        pull = np.einsum("icjp,cjp->cip", N, self.RV, optimize=True)
-        H = np.einsum("cai,acbp,cbj->ijp", self.cameras.R, N, self.cameras.R, optimize=True)
-        factors = cholesky3(H, 0.0)
-        y = forward_solve(factors, (R_T @ pull).transpose(1, 0, 2).copy())
-        z = forward_solve(factors, (R_T @ q).sum(0))
-        g = (q * self.RV).sum(1) - (y * z[:, None]).sum(0)
-        return (pull * self.RV).sum(1), y, g
+        return N
+
+    def _point_factors(self, N: FloatArray) -> tuple[FloatArray, ...]:
+        R = self.cameras.R
+        return cholesky3(np.einsum("cai,acbp,cbj->ijp", R, N, R, optimize=True), 0.0)
 
     def with_lines(self, scale: float) -> tuple[FloatArray, FloatArray]:
         """Normal equations of the cameras and of their line times, without damping.

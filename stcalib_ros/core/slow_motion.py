@@ -19,7 +19,6 @@ from stcalib_ros.core.reduction import ReducedSystem
 from stcalib_ros.core.types import FloatArray
 
 _HALF_WINDOW_S = 0.25
-_MIN_HALF_WINDOW = 4
 _DRAWN_FRAMES = 0.1
 """More than what smoothing does to the offsets of people who walk."""
 _FURTHEST_FRAMES = 0.5
@@ -29,8 +28,7 @@ _PASSES = 6
 
 def calmed(o: Observations, state: stba.BundleState) -> stba.BundleState:
     """The state with velocities and accelerations over half a second."""
-    half_window = max(_MIN_HALF_WINDOW, round(_HALF_WINDOW_S / o.step_s))
-    V, A = stba.motion(o, state.X, state.used.sum(1) >= 2, half_window=half_window)
+    V, A = stba.motion(o, state.X, state.used.sum(1) >= 2, smooth_s=_HALF_WINDOW_S)
     return replace(state, V=V, A=A)
 
 

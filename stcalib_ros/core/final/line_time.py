@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core import stba
-from stcalib_ros.core.covariance import calmed, clusters, to_reference
+from stcalib_ros.core.covariance import clusters, to_reference
 from stcalib_ros.core.final.refine import Refined, refine
 from stcalib_ros.core.layouts import Layout
 from stcalib_ros.core.lift import LiftedCamera
@@ -192,7 +192,7 @@ def _adjusted(timed: Round, line_s: FloatArray, o: BundleOptions, *, last: bool)
 def _found(members: Sequence[LiftedCamera], timed: Round, told: BoolArray) -> LineTimes:
     """Line times of a round that is adjusted to them, with what they leave unknown."""
     k = CAMERA * len(members)
-    normal = _normal(timed, calmed(timed.observations, timed.state))
+    normal = _normal(timed, timed.state)
     (_, P), (_, P_known) = normal.solved(told), normal.solved(np.zeros_like(told))
     middle = np.array([m.shutter.middle_row for m in members])
     given = np.array([m.shutter.line_time_s for m in members])
