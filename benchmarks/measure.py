@@ -12,7 +12,9 @@ from typing import TypeVar
 from benchmarks.scenarios import SUCCESS, Scenario
 from stcalib_ros.core.errors import StcalibError
 from stcalib_ros.core.metrics import Evaluation, evaluate
+from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import calibrate
+from stcalib_ros.core.shutter import with_known_line_times
 from stcalib_ros.core.synthetic import simulate
 from stcalib_ros.core.types import Calibration, Recording, Status
 from stcalib_ros.io.mocap import shipped_clips
@@ -68,16 +70,21 @@ def run_scene(scenario: Scenario, index: int) -> Run:
     """Simulate and calibrate one scene of a scenario."""
     options = scenario.scene_options(index)
     scene = simulate(options, clips=shipped_clips())
-    outcome = run_calibration(scene.recording)
+    recording = scene.recording
+    if scenario.line_times == "given":
+        true = {camera.name: camera.line_time_s for camera in scene.truth.cameras}
+        recording = with_known_line_times(recording, true)
+    estimate = Options(estimate_line_time=scenario.line_times == "estimated")
+    outcome = run_calibration(recording, estimate)
     fps = options.rates(options.n_cameras)[0]
     return judged(outcome, scene.truth, name=scenario.name, seed=options.seed, fps=fps)
 
 
-def run_calibration(recording: Recording) -> Outcome:
-    """Calibrate with default options and take the time; a refusal is an outcome."""
+def run_calibration(recording: Recording, options: Options | None = None) -> Outcome:
+    """Calibrate and take the time; a refusal is an outcome."""
     start = time.process_time()
     try:
-        calibration, refusal = calibrate(recording), ""
+        calibration, refusal = calibrate(recording, options), ""
     except StcalibError as error:
         calibration, refusal = None, str(error)
     return Outcome(calibration, time.process_time() - start, refusal)

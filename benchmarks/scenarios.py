@@ -34,6 +34,8 @@ class Scenario:
         `MAX_RATIO` times those of the same seeds there.
     may_refuse : bool
         To refuse such a scene is as good as to solve it.
+    line_times : str
+        Of rolling shutters: "ignored", "given" or "estimated".
     """
 
     name: str
@@ -45,11 +47,14 @@ class Scenario:
     p90: Mapping[str, float] = field(default_factory=dict)
     beside: str = ""
     may_refuse: bool = False
+    line_times: str = "ignored"
 
     def scene_options(self, index: int) -> SceneOptions:
         """Options of one scene."""
         return replace(self.options, seed=self.options.seed + index)
 
+
+_ROLLING = SceneOptions(seed=1000, line_time_s=25e-6)
 
 SCENARIOS = (
     Scenario(
@@ -118,6 +123,31 @@ SCENARIOS = (
         20,
         Fraction(19, 20),
         beside="default",
+    ),
+    Scenario(
+        "shutter ignored",
+        "the default scenes with rolling shutters, 25 us per row, that nobody knows of",
+        _ROLLING,
+        10,
+        Fraction(9, 10),
+    ),
+    Scenario(
+        "shutter",
+        "the same, line times given",
+        _ROLLING,
+        10,
+        Fraction(1),
+        {"E_R": 0.0005, "E_t": 0.0005, "E_delta": 0.03},
+        line_times="given",
+    ),
+    Scenario(
+        "shutter estimated",
+        "the same, line times estimated",
+        _ROLLING,
+        10,
+        Fraction(1),
+        {"E_R": 0.0005, "E_t": 0.0005, "E_delta": 0.03},
+        line_times="estimated",
     ),
 )
 """The scenes of the level, in the order of the table."""

@@ -86,6 +86,59 @@ def test_the_others_are_calibrated(tmp_path: Path, capsys: pytest.CaptureFixture
     assert f"NOT calibrated: cam3: {result.uncalibrated[0].reason}" in capsys.readouterr().out
 
 
+def test_line_times(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One is given, all are estimated; on the command line, in the text and in the result."""
+    rolling = recording(n_frames=200, line_time_s=(25e-6, 0.0, 25e-6), seed=3, n_people=3)
+    write_recording(rolling, tmp_path / "bag.mcap")
+    (tmp_path / "c.yaml").write_text("camera: {cam0: {line_time_s: 25e-6}, cam2: {frame: lens}}")
+    output = tmp_path / "out.yaml"
+    arguments = ["calibrate", str(tmp_path / "bag.mcap"), "-o", str(output)]
+    arguments += ["-c", str(tmp_path / "c.yaml"), "--line-time", "cam2=25e-6"]
+    assert main(arguments) == 0
+    given = read_result(output)
+    assert [c.line_time_s for c in given.cameras] == [25e-6, 0.0, 25e-6]
+    assert given.cameras[2].frame_id == "lens"
+    assert "reference, 25.00 us per row\n" in capsys.readouterr().out
+    assert main([*arguments, "--estimate-line-time"]) == 0
+    for camera, line_s in zip(read_result(output).cameras, [25e-6, 0.0, 25e-6], strict=True):
+        assert abs(camera.line_time_s - line_s) < 4.0 * camera.line_time_stddev_s < 2e-5
+    assert capsys.readouterr().out.count("us per row") == 3
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("cam0", "expected CAM=SECONDS, got 'cam0'"),
+        ("cam0=fast", "expected seconds per image row after cam0=, got 'fast'"),
+    ],
+)
+def test_line_times_that_are_none(
+    given: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["calibrate", "walk.mcap", "-o", "walk.yaml", "--line-time", given])
+    assert end.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("cam9=1e-5", "line_time_s of camera cam9: no person poses of it"),
+        ("cam1=-1e-6", "camera cam1: line_time_s must be at least 0"),
+        ("cam1=nan", "camera cam1: line_time_s must be at least 0"),
+        ("cam1=25e-3", "camera cam1: line_time_s 0.025 makes"),
+    ],
+)
+def test_unusable_line_times(
+    tmp_path: Path, given: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_recording(recording(n_frames=20), tmp_path / "bag.mcap")
+    arguments = ["calibrate", str(tmp_path / "bag.mcap"), "-q", "-o", str(tmp_path / "out.yaml")]
+    assert main([*arguments, "--line-time", given]) == 2
+    assert message in capsys.readouterr().err
+
+
 def test_the_number_of_processes_does_not_change_the_result(tmp_path: Path) -> None:
     write_recording(recording(), tmp_path / "bag.mcap")
     arguments = ["calibrate", str(tmp_path / "bag.mcap"), "-q", "-o"]

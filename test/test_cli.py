@@ -69,7 +69,8 @@ def found(recording: Recording, options: Options, *, progress: Any) -> Calibrati
     for stage in ("lifting", "solving"):
         for fraction in (0.0, 0.5, 1.0):
             progress(stage, fraction)
-    return truth(message="Found.", uncalibrated=(UncalibratedCamera("cam05", "saw nobody"),))
+    left_out = (UncalibratedCamera("cam05", "saw nobody"),)
+    return truth(message="Found; least is known of cam03", uncalibrated=left_out)
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["calibrate", "--help"]])
@@ -106,12 +107,13 @@ def test_calibrate(
 ) -> None:
     solve(found)
     assert main(["calibrate", BAG, "--output", str(tmp_path / "out.yaml")]) == 0
-    assert read_result(tmp_path / "out.yaml").message == "Found."
+    assert read_result(tmp_path / "out.yaml").message == "Found; least is known of cam03"
     assert [p.name for p in tmp_path.iterdir()] == ["out.yaml"]
     out, err = capsys.readouterr()
     assert err.splitlines() == ["reading the bag", "lifting", "solving"]
     assert "4 of 5 cameras calibrated on 3 persons" in out
     assert "-317.00 ms +- 0.00" in out
+    assert "\nLeast is known of cam03.\n" in out
     assert "NOT calibrated: cam05: saw nobody" in out
     assert "T_ref_cam" in out
     assert "t_ref = t_cam + offset" in out
@@ -295,6 +297,7 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "rig.json").write_text(json.dumps(RIG))
     arguments = ["--rig", str(tmp_path / "rig.json"), "--n-frames", "12", "--seed", "4"]
     arguments += ["--fps", "30", "25", "--sigma-px", "0", "--lifter-mm", "10", "20", "--occlusions"]
+    arguments += ["--line-time-s", "1e-5", "0"]
     for name in ("a", "b"):
         bag, answer = str(tmp_path / f"{name}.mcap"), str(tmp_path / f"{name}.yaml")
         assert main(["simulate", bag, "--truth", answer, *arguments]) == 0
@@ -303,6 +306,7 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert [c.name for c in recording.cameras] == ["left", "right"]
     assert np.diff(recording.cameras[1].stamps) == pytest.approx(0.04)
     assert [c.name for c in read_result(tmp_path / "a.yaml").cameras] == ["left", "right"]
+    assert [c.line_time_s for c in read_result(tmp_path / "a.yaml").cameras] == [1e-5, 0.0]
     for suffix in ("mcap", "yaml"):
         first, second = (tmp_path / f"{name}.{suffix}" for name in ("a", "b"))
         assert first.read_bytes() == second.read_bytes()
@@ -313,6 +317,7 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["--n-people", "0"], "n_people must be at least 1, got 0"),
         (["--fps", "30", "25"], "2 rates for 4 cameras"),
+        (["--line-time-s", "1e-5", "2e-5"], "2 line times for 4 cameras"),
         (["--rig", "missing.json"], "cannot read missing.json"),
         (["--rig", TRUTH], "is no camera rig"),
         (["--missing", "1.5"], "missing must be a share"),

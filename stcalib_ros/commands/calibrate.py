@@ -29,14 +29,15 @@ The bag holds for every camera
   /<camera>/camera_info   sensor_msgs/msg/CameraInfo
 
 Poses in OUT.yaml are T_ref_cam: the camera in the frame of the reference camera. Offsets are what
-to add to the stamps of a camera: t_ref = t_cam + time_offset_s. If the result cannot be trusted,
+to add to the stamps of a camera: t_ref = t_cam + time_offset_s. With a rolling shutter, row v of an
+image is seen at stamp + line_time_s * v. If the result cannot be trusted,
 OUT.yaml is not touched; what was found is then kept as OUT.rejected.yaml, to be looked at.
 """
 
 _CONFIG_HELP = """\
 YAML file with options by name (offset_range_s: 1.0), which cameras in which order
 (cameras: [cam0, cam1]), and topics and frames that differ from the above
-(camera: {cam0: {pose_topic: /a, info_topic: /b, frame: c}})"""
+(camera: {cam0: {pose_topic: /a, info_topic: /b, frame: c, line_time_s: 15.0e-6}})"""
 
 
 def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = True) -> None:
@@ -63,6 +64,19 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         type=float,
         metavar="S",
         help="clocks are searched within plus and minus S seconds (default: 2)",
+    )
+    parser.add_argument(
+        "--line-time",
+        type=_line_time,
+        action="append",
+        default=[],
+        metavar="CAM=S",
+        help="rolling shutter of a camera: S seconds per image row, cam0=15e-6; can be repeated",
+    )
+    parser.add_argument(
+        "--estimate-line-time",
+        action="store_true",
+        help="estimate the line times of rolling shutters",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="same seed, same result (default: 0)")
     parser.add_argument(
@@ -128,7 +142,24 @@ def config_of(args: argparse.Namespace) -> Config:
     config = Config() if args.config is None else read_config(args.config)
     given = {"reference": args.reference, "offset_range_s": args.offset_range, "seed": args.seed}
     changes = {name: value for name, value in given.items() if value is not None}
-    return replace(config, options=replace(config.options, **changes))
+    if args.estimate_line_time:
+        changes["estimate_line_time"] = True
+    return Config(
+        replace(config.options, **changes), config.selection.with_line_times(dict(args.line_time))
+    )
+
+
+def _line_time(text: str) -> tuple[str, float]:
+    """Camera and seconds per row."""
+    name, _, seconds = text.rpartition("=")
+    if not name:
+        raise argparse.ArgumentTypeError(f"expected CAM=SECONDS, got {text!r}")
+    try:
+        return name, float(seconds)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"expected seconds per image row after {name}=, got {seconds!r}"
+        ) from None
 
 
 def _write(calibration: Calibration, output: Path) -> Path | None:

@@ -36,6 +36,7 @@ _HELP = {
     "skew_ppm": "clock rates are wrong by up to this",
     "stamp_jitter_s": "standard deviation of stamps about the exposures",
     "drop_rate": "share of images that a camera loses",
+    "line_time_s": "rolling shutter, seconds per image row: one, or one per camera",
     "sigma_px": "noise of key points, per axis",
     "keypoint_bias_mm": "view-dependent displacement of key points, rms",
     "lifter_mm": "range of the mean joint errors of 3D poses",
@@ -89,8 +90,9 @@ def scene_options(args: argparse.Namespace) -> SceneOptions:
     """
     given = {f.name: getattr(args, f.name) for f in fields(SceneOptions) if f.name in args}
     given = {name: tuple(v) if isinstance(v, list) else v for name, v in given.items()}
-    if len(rates := given.get("fps", ())) == 1:
-        given["fps"] = rates[0]
+    for name in ("fps", "line_time_s"):
+        if len(values := given.get(name, ())) == 1:
+            given[name] = values[0]
     if "rig" in given:
         given["rig"] = read_rig(given["rig"])
     return SceneOptions(**given)
@@ -100,6 +102,7 @@ def _settings(field: Field[Any]) -> dict[str, Any]:
     """How argparse reads a field."""
     special: dict[str, dict[str, Any]] = {
         "fps": {"nargs": "+", "type": float, "metavar": "HZ"},
+        "line_time_s": {"nargs": "+", "type": float, "metavar": "S"},
         "rig": {"type": Path, "metavar": "FILE"},
         "people": {"choices": PEOPLE},
     }

@@ -9,6 +9,7 @@ from typing import TextIO
 import numpy as np
 
 from stcalib_ros.core.geometry import rotation_angle
+from stcalib_ros.core.shutter import line_time_text
 from stcalib_ros.core.types import Calibration, CameraCalibration, FloatArray
 
 _BAR = 24
@@ -87,6 +88,8 @@ def calibration_text(calibration: Calibration) -> str:
         f"reprojection error {calibration.reprojection_rms_px:.2f} px (rms)."
     )
     parts = [head, _cameras(calibration), _directions(calibration)]
+    if calibration.remarks:
+        parts.append("\n".join(calibration.remarks))
     if calibration.persons:
         parts.append(_persons(calibration))
     parts += [f"NOT calibrated: {c.name}: {c.reason}" for c in calibration.uncalibrated]
@@ -132,7 +135,8 @@ def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
         position += _plus_minus(np.sqrt(variances[:3].sum()), 3)
         turned += _plus_minus(np.degrees(np.sqrt(variances[3:].sum())), 2)
     if camera.name == reference:
-        return (camera.name, position, looks_along, turned, "reference")
+        clock = "reference" + line_time_text(camera)
+        return (camera.name, position, looks_along, turned, clock)
     offset = f"{camera.time_offset_s * 1e3:+.2f} ms"
     offset += _plus_minus(camera.time_offset_stddev_s * 1e3, 2)
     if camera.clock_skew:
@@ -143,7 +147,7 @@ def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
         position,
         looks_along,
         turned,
-        offset,
+        offset + line_time_text(camera),
     )
 
 

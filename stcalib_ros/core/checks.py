@@ -16,6 +16,8 @@ from stcalib_ros.core.types import FloatArray, Recording, Status, UncalibratedCa
 _SMOOTHING_S = 0.25
 _MOVING_BODIES = 0.03
 """Slow movement of the key points that counts as moving, as a share of the body's height."""
+_PERIOD_SLACK = 1.02
+"""Periods are medians of stamps that may be rounded."""
 
 
 class Insufficient(Exception):
@@ -81,6 +83,30 @@ def require_known_cameras(recording: Recording, options: Options) -> None:
             raise InputError(
                 f"scale.distances: camera {unknown[0]!r} is not in the recording: "
                 f"there are {', '.join(names)}"
+            )
+
+
+def require_line_times(recording: Recording) -> None:
+    """Check that the images of all cameras are read before the next ones begin.
+
+    Raises
+    ------
+    InputError
+        A line time is negative, not finite, or too long.
+    """
+    for camera in recording.cameras:
+        line_s = camera.line_time_s
+        if not (np.isfinite(line_s) and line_s >= 0.0):
+            raise InputError(
+                f"camera {camera.name}: line_time_s must be at least 0 (seconds per image row), "
+                f"got {line_s}"
+            )
+        height, period = camera.intrinsics.height, frame_period(camera.stamps)
+        if line_s * height > _PERIOD_SLACK * period:
+            raise InputError(
+                f"camera {camera.name}: line_time_s {line_s:g} makes {1e3 * line_s * height:.3g} "
+                f"ms for {height} rows, but its images are {1e3 * period:.3g} ms apart: give the "
+                "seconds from one row to the next"
             )
 
 

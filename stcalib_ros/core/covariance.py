@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from stcalib_ros.core import stba
 from stcalib_ros.core.geometry import hat
 from stcalib_ros.core.observations import Observations
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+from stcalib_ros.core.velocity_noise import velocity_noise, well_placed
 
 PARAMETERS = ("x", "y", "z", "rot_x", "rot_y", "rot_z", "time_offset_s")
 _LONGEST_SPAN = 150
 _SHORTEST_SPAN = 15
 _CLUSTERS_PER_UNKNOWN = 3
-_VELOCITY_HALF_WINDOW = 8
 
 
 def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
     """Joint covariance of all cameras.
 
-    Residuals are not independent: a detector is off by the same few centimetres at a joint as
-    long as it sees the person from that side. The covariance therefore is the cluster-robust
-    one, ``H^-1 (sum_k u_k u_k^T) H^-1`` with the gradients u_k of everything that is seen of
-    one joint of one person over five seconds or so: only these are taken as independent.
-
-    Noise in the velocities would pass for knowledge of the offsets: here they are read over
-    half a second and more.
+    That of the normal equations, what is noise in the velocities taken off, times one variance for
+    all. A detector is off by the same few centimetres at a joint as long as it sees the person from
+    that side: the gradients u_k of everything that is seen of one joint of one person over five
+    seconds or so count as independent, and the variance is their ``sum_k u_k^T H^-1 u_k`` per
+    unknown. A full covariance from the u_k would be too small: there are too few of them.
 
     The gauge is the pose and clock of the reference and the length of the first baseline,
     whose rows are zero.
@@ -45,18 +41,30 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
         (rad) and offset (s).
     """
     free, _ = stba.gauge(state.t_cam_ref, synchronised=state.synchronised)
-    cluster = _clusters(o, state.used.sum(1) >= 2, n_unknowns=len(free))
-    system, U = stba.cluster_scores(o, _calmed(o, state), cluster)
-    inverse = _inverse(system.H, state)
-    n = U.shape[1]
-    covariance = inverse @ (U @ U.T) @ inverse * n / max(n - len(free), 1)
-    J = _to_reference(state)
-    return np.asarray(J @ covariance @ J.T)
+    cluster = clusters(o, state.used.sum(1) >= 2, n_unknowns=len(free))
+    system, U = stba.cluster_scores(o, state, cluster)
+    found = float(np.einsum("an,ab,bn", U, _inverse(system.H, state), U, optimize=True))
+    errors = stba.errors_px(o, state)
+    scale = stba.CAUCHY * max(stba.robust_scale(errors, state.used), stba.MIN_SCALE_PX)
+    variance = found / (len(free) - 1) * _curvature_lost(errors[state.used], scale) ** 2
+    if not state.synchronised:
+        noise = velocity_noise(o, state, well_placed(o, state), scale)
+        system = noise.taken_off(system, state.shift_s)
+    return information_covariance(system.H / variance, state)
+
+
+def _curvature_lost(errors: FloatArray, scale: float) -> float:
+    """How much flatter the robust cost is than its weights make the normal equations.
+
+    A weight ``w = 1 / (1 + r^2 / s^2)`` stands for a mean second derivative of w^2 in the plane.
+    """
+    weight = 1.0 / (1.0 + (errors[np.isfinite(errors)] / scale) ** 2)
+    return float(weight.mean() / (weight**2).mean())
 
 
 def information_covariance(H: FloatArray, state: stba.BundleState) -> FloatArray:
     """Joint covariance, as `pose_covariance` gives it, of normal equations H (7 C, 7 C)."""
-    J = _to_reference(state)
+    J = to_reference(state)
     return np.asarray(J @ _inverse(H, state) @ J.T)
 
 
@@ -71,13 +79,7 @@ def _inverse(H: FloatArray, state: stba.BundleState) -> FloatArray:
     return out
 
 
-def _calmed(o: Observations, state: stba.BundleState) -> stba.BundleState:
-    """The state with velocities of less noise."""
-    V, A = stba.motion(o, state.X, state.used.sum(1) >= 2, half_window=_VELOCITY_HALF_WINDOW)
-    return replace(state, V=V, A=A)
-
-
-def _clusters(o: Observations, known: BoolArray, *, n_unknowns: int) -> IntArray:
+def clusters(o: Observations, known: BoolArray, *, n_unknowns: int) -> IntArray:
     """Number (N, J) of the cluster of each joint: of one person over a span of time.
 
     The span is shortened where that would leave fewer clusters of known joints than three per
@@ -98,7 +100,7 @@ def _clusters(o: Observations, known: BoolArray, *, n_unknowns: int) -> IntArray
     return cluster
 
 
-def _to_reference(state: stba.BundleState) -> FloatArray:
+def to_reference(state: stba.BundleState) -> FloatArray:
     """Derivative of (centre, rotation in the reference frame, offset) by (rotation, t, shift)."""
     C = len(state.t_cam_ref)
     J = np.zeros((7 * C, 7 * C))

@@ -7,6 +7,7 @@ multi-view problem.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,7 +59,14 @@ class PairHypothesis:
 
 
 def register_pair(
-    a: int, b: int, tracks_a: GridTracks, tracks_b: GridTracks, max_lag: int, o: RegistrationOptions
+    a: int,
+    b: int,
+    tracks_a: GridTracks,
+    tracks_b: GridTracks,
+    max_lag: int,
+    o: RegistrationOptions,
+    *,
+    thresholds: Sequence[float] = _THRESHOLDS,
 ) -> tuple[PairHypothesis, ...]:
     """Hypotheses on a pair of cameras, best first; none where no tracks agree at any lag.
 
@@ -71,11 +79,13 @@ def register_pair(
     max_lag : int
         Lags are searched within plus and minus this many samples.
     o : RegistrationOptions
+    thresholds : sequence of float
+        How well bones have to agree; the next one is for where nothing does so by the one before.
     """
     if not len(tracks_a.position) or not len(tracks_b.position):
         return ()
     covariance = cross_covariance(tracks_a, tracks_b, max_lag=max_lag)
-    vote = _Vote(covariance, tracks_a, tracks_b, o)
+    vote = _Vote(covariance, tracks_a, tracks_b, o, thresholds)
     if not len(vote.candidates):
         return ()
     found = []
@@ -92,24 +102,29 @@ class _Vote:
     """The votes of all tracks of a pair of cameras for one another's proposals."""
 
     def __init__(
-        self, cov: PairCovariance, a: GridTracks, b: GridTracks, o: RegistrationOptions
+        self,
+        cov: PairCovariance,
+        a: GridTracks,
+        b: GridTracks,
+        o: RegistrationOptions,
+        thresholds: Sequence[float],
     ) -> None:
         self.cov, self.a, self.b, self.options = cov, a, b, o
         self.usable = cov.overlap >= o.min_overlap
         self.conflict = _conflicts(a.present, b.present)
-        self.threshold, self.candidates = self._candidates()
+        self.threshold, self.candidates = self._candidates(thresholds)
 
-    def _candidates(self) -> tuple[float, IntArray]:
+    def _candidates(self, thresholds: Sequence[float]) -> tuple[float, IntArray]:
         """The strongest (track, track, lag) triples, as (K, 3) indices."""
         score = self.cov.score(min_overlap=self.options.min_overlap)
         peak = _local_maxima(np.nan_to_num(score, nan=-1.0))
-        for threshold in _THRESHOLDS:
+        for threshold in thresholds:
             gain = np.where(peak, self.cov.mass * (np.nan_to_num(score) - threshold), 0.0).ravel()
             top = np.argsort(-gain, kind="stable")[: self.options.n_candidates]
             top = top[gain[top] > 0]
             if len(top):
                 return threshold, np.stack(np.unravel_index(top, score.shape), -1)
-        return _THRESHOLDS[-1], np.zeros((0, 3), dtype=np.int64)
+        return thresholds[-1], np.zeros((0, 3), dtype=np.int64)
 
     def gains(self, R: FloatArray, lag: IntArray) -> FloatArray:
         """Support (K, P, Q) of all track pairs for rotations (K, 3, 3) at lags (K,)."""

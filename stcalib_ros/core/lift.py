@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.geometry import bearings, exp_so3, hat
+from stcalib_ros.core.shutter import GLOBAL, Shutter, shutter_of
 from stcalib_ros.core.skeleton import Skeleton
 from stcalib_ros.core.types import BoolArray, CameraRecording, FloatArray, IntArray, Recording
 
@@ -44,6 +45,9 @@ class LiftedTrack:
         Pixels per unit of `x`.
     joints_cam : (F, J, 3) ndarray
         Joints in the optical frame, metres; NaN where the frame could not be lifted.
+    rows : (F, J) ndarray or None
+        Of the key points in the image, px, counted from the middle row of the shutter; None where
+        all shutters take all rows at once.
     """
 
     track_id: int
@@ -51,25 +55,47 @@ class LiftedTrack:
     x: FloatArray
     focal: FloatArray
     joints_cam: FloatArray
+    rows: FloatArray | None = None
 
-    def __getitem__(self, rows: slice | BoolArray) -> LiftedTrack:
+    def __getitem__(self, some: slice | BoolArray) -> LiftedTrack:
         """The same person in some of the frames."""
         return LiftedTrack(
-            self.track_id, self.frames[rows], self.x[rows], self.focal[rows], self.joints_cam[rows]
+            self.track_id,
+            self.frames[some],
+            self.x[some],
+            self.focal[some],
+            self.joints_cam[some],
+            None if self.rows is None else self.rows[some],
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiftedCamera:
-    """All lifted tracks of one camera, with its stamps (N,), seconds by its own clock."""
+    """All lifted tracks of one camera.
+
+    Attributes
+    ----------
+    name : str
+    stamps : (N,) ndarray
+        Seconds by its own clock; of the middle row of its shutter.
+    tracks : tuple of LiftedTrack
+    shutter : Shutter
+    """
 
     name: str
     stamps: FloatArray
     tracks: tuple[LiftedTrack, ...]
+    shutter: Shutter = GLOBAL
 
 
 def lift_recording(
-    recording: Recording, skeleton: Skeleton, *, min_score: float, turn: bool = True
+    recording: Recording,
+    skeleton: Skeleton,
+    *,
+    min_score: float,
+    turn: bool = True,
+    rows: bool = False,
+    from_first_row: bool = False,
 ) -> tuple[LiftedCamera, ...]:
     """Lift every track of every camera; tracks that cannot be lifted at all are left out.
 
@@ -81,15 +107,28 @@ def lift_recording(
         Joints with a lower score are not used.
     turn : bool
         Turn the poses onto their key points; else they are placed only.
+    rows : bool
+        Keep the rows of the key points though all shutters take all rows at once.
+    from_first_row : bool
+        Rows and stamps are those from row 0 on, not from the middle.
     """
+    rolling = rows or any(camera.line_time_s for camera in recording.cameras)
     return tuple(
-        _lift_camera(camera, columns, skeleton, min_score, turn)
+        _lift_camera(
+            *(camera, columns, skeleton, min_score, turn),
+            shutter_of(camera, from_first_row=from_first_row) if rolling else None,
+        )
         for camera, columns in zip(recording.cameras, skeleton.columns, strict=True)
     )
 
 
 def _lift_camera(
-    camera: CameraRecording, columns: IntArray, skeleton: Skeleton, min_score: float, turn: bool
+    camera: CameraRecording,
+    columns: IntArray,
+    skeleton: Skeleton,
+    min_score: float,
+    turn: bool,
+    shutter: Shutter | None,
 ) -> LiftedCamera:
     poses = []
     for track in camera.tracks:
@@ -99,10 +138,10 @@ def _lift_camera(
         joints = track.joints[:, columns].astype(np.float64)
         if not camera.metric:
             joints = joints * _body_scale(joints, skeleton)
-        poses.append((track, x, focal, joints))
-    crop = crop_share([(joints, x) for _, x, _, joints in poses]) if turn else 0.0
+        poses.append((track, pixels[..., 1], x, focal, joints))
+    crop = crop_share([(joints, x) for _, _, x, _, joints in poses]) if turn else 0.0
     tracks = []
-    for track, x, focal, joints in poses:
+    for track, rows, x, focal, joints in poses:
         joints_cam = lift(joints, x, crop=crop, steps=_STEPS if turn else 0)
         usable = np.isfinite(joints_cam).any((1, 2))
         if usable.any():
@@ -111,10 +150,14 @@ def _lift_camera(
                 LiftedTrack(
                     track.track_id,
                     track.frames[usable],
-                    *(one[usable].astype(precision) for one in (x, focal, joints_cam)),
+                    x[usable].astype(precision),
+                    focal[usable].astype(precision),
+                    joints_cam[usable].astype(precision),
+                    None if shutter is None else rows[usable] - shutter.middle_row,
                 )
             )
-    return LiftedCamera(camera.name, camera.stamps, tuple(tracks))
+    shutter = shutter or GLOBAL
+    return LiftedCamera(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter)
 
 
 def _body_scale(joints: FloatArray, skeleton: Skeleton) -> float:

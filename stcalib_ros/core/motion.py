@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import correlate1d, minimum_filter1d
 
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
-_ORDER = 3
+_ORDER = 7
+_GAPPY_ORDER = 3
 _RIDGE = (1e-9, 1e-6, 1e-4, 1e-4)
 """Keeps the higher terms at zero where the window has too few samples to see them."""
 
 
-def local_cubic(
-    X: FloatArray, present: BoolArray, *, half_window: int = 3
+def local_motion(
+    X: FloatArray, present: BoolArray, *, half_window: int = 6
 ) -> tuple[FloatArray, FloatArray]:
-    """Savitzky-Golay fit (cubic, seven samples) of trajectories, missing samples left out.
+    """Savitzky-Golay fit of trajectories, of the seventh order; near gaps and ends a cubic.
+
+    Over thirteen samples at 30 Hz it leaves 0.2 % of a motion of 3 Hz out; a cubic over seven,
+    which has as much noise, leaves out 3 %, and offsets are told to a thousandth of the motion.
+    Where one of the samples is missing, a cubic is fitted to what there is of the inner half.
 
     Parameters
     ----------
@@ -22,7 +28,7 @@ def local_cubic(
         Positions at uniform times along the first axis; anything where not present.
     present : (K, ...) ndarray of bool
     half_window : int
-        Samples to either side that are fitted.
+        Samples to either side that are fitted; at least 4.
 
     Returns
     -------
@@ -31,23 +37,48 @@ def local_cubic(
     acceleration : (K, ..., 3) ndarray
         Per squared sample; zero where nothing near is present.
     """
+    return _fitted(X, present, half_window, order=_ORDER, gappy_half_window=half_window // 2)
+
+
+def smooth_motion(
+    X: FloatArray, present: BoolArray, *, half_window: int
+) -> tuple[FloatArray, FloatArray]:
+    """Like `local_motion` by a cubic everywhere: less noise, and less of fast motion."""
+    return _fitted(X, present, half_window, order=_GAPPY_ORDER, gappy_half_window=half_window)
+
+
+def _fitted(
+    X: FloatArray, present: BoolArray, half_window: int, *, order: int, gappy_half_window: int
+) -> tuple[FloatArray, FloatArray]:
     window = np.arange(-half_window, half_window + 1)
-    pad = [(half_window, half_window)] + [(0, 0)] * (X.ndim - 1)
-    padded = np.pad(np.where(present[..., None], X, 0.0), pad)
-    there = np.pad(present, pad[:-1])
-    shifted = [slice(i, i + len(X)) for i in range(len(window))]
-    n = np.sum([there[s] for s in shifted], axis=0)
-    kernels = np.linalg.pinv(window[:, None].astype(float) ** np.arange(_ORDER + 1))[1:3]
+    kernels = np.linalg.pinv(window[:, None].astype(float) ** np.arange(order + 1))[1:3]
+    filled = np.where(present[..., None], X, 0.0)
     velocity, acceleration = (
-        np.sum([k * padded[s] for k, s in zip(kernel, shifted, strict=True)], axis=0)
+        correlate1d(filled, kernel, axis=0, mode="constant")
         for kernel in (kernels[0], 2.0 * kernels[1])
     )
-    gappy = (n > 0) & (n < len(window))
-    velocity[n == 0] = acceleration[n == 0] = 0.0
+    there = present.astype(np.uint8)
+    gappy = minimum_filter1d(there, len(window), axis=0, mode="constant") == 0
     if gappy.any():
-        values = np.stack([padded[s][gappy] for s in shifted], 1)
-        known = np.stack([there[s][gappy] for s in shifted], 1)
-        velocity[gappy], acceleration[gappy] = _ridge_fit(values, known, window)
+        velocity[gappy], acceleration[gappy] = _cubics(filled, present, gappy, gappy_half_window)
+    return velocity, acceleration
+
+
+def _cubics(
+    X: FloatArray, present: BoolArray, where: BoolArray, half_window: int
+) -> tuple[FloatArray, FloatArray]:
+    """Slopes and curvatures (M, 3) of cubics around some of the samples; zero where none is near.
+
+    X is zero where not present.
+    """
+    window = np.arange(-half_window, half_window + 1)
+    k, *rest = np.nonzero(where)
+    near = k[:, None] + window
+    index = (np.clip(near, 0, len(X) - 1), *(r[:, None] for r in rest))
+    known = present[index] & (near >= 0) & (near < len(X))
+    velocity, acceleration = _ridge_fit(X[index] * known[..., None], known, window)
+    alone = ~known.any(1)
+    velocity[alone] = acceleration[alone] = 0.0
     return velocity, acceleration
 
 
@@ -55,7 +86,7 @@ def _ridge_fit(
     values: FloatArray, known: BoolArray, window: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Slope and curvature (M, 3) in the middle of windows (M, W, 3) with missing samples."""
-    powers = window[:, None].astype(float) ** np.arange(_ORDER + 1)
+    powers = window[:, None].astype(float) ** np.arange(_GAPPY_ORDER + 1)
     A = np.einsum("mw,wa,wb->mab", known.astype(float), powers, powers, optimize=True)
     b = np.einsum("mwx,wa->max", values, powers, optimize=True)
     coefficients = np.linalg.solve(A + np.diag(_RIDGE), b)

@@ -37,6 +37,11 @@ class Observations:
     seen : (N, C, J) ndarray of bool
     start_s, step_s : float
         Time of knot 0 and between knots.
+    row : (N, C, J) ndarray or None
+        Of the points in their images, px, from the row that `phi` is the time of; 0 where not
+        seen. None where all shutters take all rows at once.
+    line_s : (C,) ndarray or None
+        Line times of the shutters, seconds per row.
     """
 
     person: IntArray
@@ -48,6 +53,18 @@ class Observations:
     seen: BoolArray
     start_s: float
     step_s: float
+    row: FloatArray | None = None
+    line_s: FloatArray | None = None
+
+    def elapsed(self, rows: slice | IntArray = slice(None)) -> FloatArray:
+        """Time of the points after their knots by the offsets of the rig, seconds.
+
+        (n, C, J), or (n, C, 1) where all joints of an image are seen at once.
+        """
+        when = self.phi[rows][..., None]
+        if self.row is None or self.line_s is None:
+            return when
+        return np.asarray(when + self.line_s[:, None] * self.row[rows])
 
     def every_joint(self, n: int) -> Observations:
         """The same with every n-th joint only; a copy, so that the others can be forgotten."""
@@ -56,12 +73,14 @@ class Observations:
             x=self.x[:, :, ::n].copy(),
             focal=self.focal[:, :, ::n].copy(),
             seen=self.seen[:, :, ::n].copy(),
+            row=None if self.row is None else self.row[:, :, ::n].copy(),
         )
 
     def only(self, rows: IntArray | BoolArray) -> Observations:
         """The same with some rows only."""
         names = ("person", "knot", "track", "phi", "x", "focal", "seen")
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+        row = None if self.row is None else self.row[rows]
+        return replace(self, row=row, **{name: getattr(self, name)[rows] for name in names})
 
 
 def observe(
@@ -83,6 +102,8 @@ def observe(
     x, focal = np.zeros((N, C, J, 2), precision), np.ones((N, C, J), precision)
     seen = np.zeros((N, C, J), dtype=bool)
     phi, track = np.zeros((N, C)), np.full((N, C), -1, dtype=np.int64)
+    rolling = some.rows is not None
+    row = np.zeros((N, C, J), precision) if rolling else None
     for c, images in enumerate(table):
         there = np.flatnonzero(cells[rows, c] >= 0)
         image = cells[rows[there], c]
@@ -92,8 +113,12 @@ def observe(
         x[there, c] = np.where(known[..., None], points, 0.0)
         focal[there, c] = np.where(known, images.focal[image], 1.0)
         phi[there, c], track[there, c] = images.phi[image], images.track[image]
+        if row is not None and images.rows is not None:
+            row[there, c] = np.where(known, images.rows[image], 0.0)
     return Observations(
-        rows // n_knots, rows % n_knots, track, phi, x, focal, seen, association.start_s, step_s
+        *(rows // n_knots, rows % n_knots, track, phi, x, focal, seen),
+        *(association.start_s, step_s, row),
+        np.array([m.shutter.line_time_s for m in members]) if rolling else None,
     )
 
 
@@ -105,6 +130,7 @@ class _Images:
     track: IntArray
     x: FloatArray
     focal: FloatArray
+    rows: FloatArray | None = None
 
 
 def _images(
@@ -120,5 +146,6 @@ def _images(
         knot = np.rint(elapsed / step_s).astype(np.int64)
         phi = elapsed - knot * step_s
         index = np.full(len(knot), p, dtype=np.int64)
-        parts.append((person[use], knot, phi, index, track.x[use], track.focal[use]))
+        part = (person[use], knot, phi, index, track.x[use], track.focal[use])
+        parts.append(part if track.rows is None else (*part, track.rows[use]))
     return _Images(*(np.concatenate(column) for column in zip(*parts, strict=True)))

@@ -180,6 +180,9 @@ class Options:
     world_frame : str
         Name of a frame with z up and the floor at 0 to express the poses in; empty: they are in
         the frame of the reference camera.
+    estimate_line_time : bool
+        Estimate the line times of rolling shutters, from those of the recording on; not with
+        ``registration.method`` "vmf".
     """
 
     reference: str | None = None
@@ -193,10 +196,16 @@ class Options:
     bundle: BundleOptions = field(default_factory=BundleOptions)
     scale: ScaleOptions = field(default_factory=ScaleOptions)
     world_frame: str = ""
+    estimate_line_time: bool = False
 
     def __post_init__(self) -> None:
         if not self.offset_range_s >= 0:
             raise InputError(f"offset_range_s must be at least 0, got {self.offset_range_s}")
+        if self.estimate_line_time and self.registration.method == "vmf":
+            raise InputError(
+                "estimate_line_time: registration.method vmf takes line times as they are given; "
+                "give them (line_time_s of a camera), or take correlation"
+            )
 
     @property
     def synchronised(self) -> bool:

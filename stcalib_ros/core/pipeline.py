@@ -12,50 +12,42 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stcalib_ros.core.averaging import Rig, connected_groups, integrate
+from stcalib_ros.core.averaging import Rig, integrate
 from stcalib_ros.core.checks import (
     Insufficient,
     require_known_cameras,
+    require_line_times,
     require_reference,
     select_cameras,
 )
 from stcalib_ros.core.covariance import pose_covariance
 from stcalib_ros.core.errors import Cancelled
+from stcalib_ros.core.evidence import CameraEvidence, evidence
 from stcalib_ros.core.final.clock_rate import with_clock_rates
 from stcalib_ros.core.final.image_times import added_covariance, with_image_times
+from stcalib_ros.core.final.line_time import refine_with_line_times, with_line_times
 from stcalib_ros.core.final.refine import refine
 from stcalib_ros.core.hypotheses import PairHypothesis
+from stcalib_ros.core.left_out import LeftOut
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.pairs import pair_tasks, registered, spread
 from stcalib_ros.core.paper.pairs import Views, lift_views
 from stcalib_ros.core.paper.stages import Grid, adjust_pairs, integrate_pairs, register_pairs
 from stcalib_ros.core.placement import Placement, place
-from stcalib_ros.core.quality import CameraEvidence, evidence
+from stcalib_ros.core.resection import Resection, joined, register_again
 from stcalib_ros.core.result import make_calibration, nothing
 from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
 from stcalib_ros.core.skeleton import Skeleton
+from stcalib_ros.core.slow_motion import put_back
+from stcalib_ros.core.starts import best_start
 from stcalib_ros.core.timeline import common_step
-from stcalib_ros.core.types import (
-    Calibration,
-    FloatArray,
-    Recording,
-    Status,
-    UncalibratedCamera,
-)
+from stcalib_ros.core.types import Calibration, FloatArray, Recording
+from stcalib_ros.core.velocity_noise import settled
+from stcalib_ros.core.verdict import Solution, judge, rivalry
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it that is done."""
-
-_RIVAL_SUPPORT = 0.5
-_FEW_RIGS = 3
-_COMPLETE = 0.6
-_CLOSE = 0.3
-_DECISIVE = 0.1
-_OTHER_OFFSET_FRAMES = 3.0
-
-_Start = tuple[Round, list[UncalibratedCamera]]
-_FIT_SCALE_PX = 12.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,7 +155,9 @@ class _Run:
         self.hypotheses: tuple[PairHypothesis, ...] = ()
         self.rigs: tuple[Rig, ...] = ()
         self.rounds: tuple[Round, ...] = ()
-        self.rejected: list[UncalibratedCamera] = []
+        self.left_out = LeftOut(
+            [camera.name for camera in recording.cameras], offset_range_s=options.offset_range_s
+        )
         self.placement: Placement | None = None
 
     def tick(self, stage: str, fraction: float) -> None:
@@ -176,6 +170,7 @@ class _Run:
     def stages(self) -> Stages:
         first = require_reference(self.recording, self.options)
         require_known_cameras(self.recording, self.options)
+        require_line_times(self.recording)
         self.tick("lift", 0.0)
         views = lift_views(self.recording, self.options)
         self.skeleton, self.lifted = views.skeleton, views.lifted
@@ -200,12 +195,12 @@ class _Run:
 
     def _calibration(self, first: int) -> Calibration:
         selection = select_cameras(self.lifted, first, self.options)
-        self.rejected = list(selection.rejected)
+        self.left_out.cameras = selection.rejected
         self.step_s = common_step([self.lifted[c] for c in selection.cameras])
         if self.options.registration.method == "vmf":
             return self._by_the_paper(selection.cameras)
         self.hypotheses = self._register(selection.cameras)
-        group = self._group(selection.cameras)
+        group = self.left_out.largest_group(selection.cameras, self.hypotheses)
         self.tick("integration", 0.0)
         rigs = integrate(
             group,
@@ -215,20 +210,49 @@ class _Run:
             rng=np.random.default_rng(self.options.seed),
         )
         self.rigs = tuple(replace(rig, synchronised=self.options.synchronised) for rig in rigs)
-        start, rival = self._best_start()
-        complaint = None if rival is None else self._rivalry(start, rival)
+        start, rival = best_start(self.rigs, self._start, self.left_out, self.tick)
+        if rival is not None:
+            range_s = self.options.offset_range_s
+            complaint = rivalry(start, rival, offset_range_s=range_s)
+            return self._verdict(self._solved(start, give_up=True), complaint)
+        found = self._solved(start)
+        return self._verdict(self._with_those_left_out(found, selection.cameras))
+
+    def _solved(self, start: Round, *, give_up: bool = False) -> Solution:
+        """Adjust to the end, without cameras that have to be doubted."""
         while True:
-            self.rounds = self._iterate(start)
-            covariance = self._refine()
-            last = self.rounds[-1]
+            rounds = self._iterate(start)
+            rounds, covariance = self._refined(rounds)
+            last = rounds[-1]
             self.tick("quality", 0.0)
             found = self._evidence(last, covariance)
             bad = [i for i, e in enumerate(found) if e.complaint() is not None]
-            if not bad or complaint or 2 * len(bad) >= len(found):
-                return self._verdict(covariance, complaint, found)
+            if not bad or give_up or 2 * len(bad) >= len(found):
+                return Solution(rounds, covariance, found, self.left_out.cameras)
             worst = min(bad, key=lambda i: found[i].inliers)
-            self._reject(last.rig, [worst], str(found[worst].complaint()))
+            self.left_out.add([int(last.rig.cameras[worst])], str(found[worst].complaint()))
             start = self._start(sub_rig(last.rig, _all_but(len(found), [worst])))
+
+    def _with_those_left_out(self, before: Solution, order: Sequence[int]) -> Solution:
+        """The solution with cameras that come back now that the people are known, if any do."""
+        present = before.last.rig.cameras.tolist()
+        found: dict[int, Resection] = {}
+        if not before.sound:
+            return before
+        for c in order:
+            if c not in present:
+                self.tick("registration of a camera that was left out", 0.0)
+                one = register_again(self.lifted, c, self.skeleton, before.last, self.options)
+                found |= {} if one is None else {c: one}
+        if not found:
+            return before
+        self.left_out.take_back(list(found))
+        try:
+            after = self._solved(self._start(joined(before.last.rig, found, order)))
+        except Insufficient:
+            return before
+        kept = set(after.last.rig.cameras.tolist())
+        return after if after.sound and kept > set(present) else before
 
     def _by_the_paper(self, cameras: Sequence[int]) -> Calibration:
         """The paper's own stages, from pairwise registration to ISTBA."""
@@ -236,17 +260,19 @@ class _Run:
         grid = Grid(*self._grid(cameras), step_s=self.step_s)
         pairs = register_pairs(views, cameras, self.options, grid, self.tick)
         self.hypotheses = tuple(pair.hypothesis for pair in pairs)
-        rig = integrate_pairs(self._group(cameras), pairs, self.options)
+        rig = integrate_pairs(
+            self.left_out.largest_group(cameras, self.hypotheses), pairs, self.options
+        )
         self.rigs = (rig,)
         while True:
             result = adjust_pairs(self.lifted, rig, pairs, self.options, grid, self.tick)
             if not isinstance(result, Unconnected):
                 break
-            rig = self._largest(rig, result)
-        self.rounds = result
-        last = self.rounds[-1]
+            rig = self.left_out.largest_part(rig, result)
+        last = result[-1]
         covariance = pose_covariance(last.observations, last.state)
-        return self._verdict(covariance, None, self._evidence(last, covariance))
+        found = self._evidence(last, covariance)
+        return self._verdict(Solution(result, covariance, found, self.left_out.cameras))
 
     def _grid(self, cameras: Sequence[int]) -> tuple[float, int]:
         """Time of the first sample and number of samples that hold all images of some cameras."""
@@ -277,89 +303,13 @@ class _Run:
         )
         return tuple(h for hypotheses in found for h in hypotheses)
 
-    def _group(self, cameras: Sequence[int]) -> list[int]:
-        """The cameras that hang together: the reference's group if it has two, else the largest."""
-        position = {c: i for i, c in enumerate(cameras)}
-        groups = connected_groups(cameras, self.hypotheses)
-        kept = next((g for g in groups if cameras[0] in g and len(g) > 1), groups[0])
-        self._reject_groups(
-            [g for g in groups if g is not kept], kept, "shares nobody's motion with"
-        )
-        if len(kept) < 2:
-            raise Insufficient(
-                Status.INSUFFICIENT_DATA,
-                "no two cameras see the same person move: check that their views overlap, that "
-                f"their clocks agree within {self.options.offset_range_s:g} s (offset_range_s), "
-                "and record longer",
-                self.rejected,
-            )
-        return sorted(kept, key=lambda c: position[c])
-
-    def _reject_groups(
-        self, groups: Sequence[Sequence[int]], kept: Sequence[int], lacking: str
-    ) -> None:
-        names = ", ".join(self.lifted[c].name for c in kept)
-        for group in groups:
-            for c in group:
-                others = [self.lifted[d].name for d in group if d != c]
-                reason = f"{lacking} {names}"
-                if others:
-                    reason += f"; it forms a separate group with {', '.join(others)}"
-                self.rejected.append(UncalibratedCamera(self.lifted[c].name, reason))
-
-    def _best_start(self) -> tuple[Round, Round | None]:
-        """First adjustment of the candidate rigs: the best fit, and a rival that fits as well."""
-        starts = self._first_rounds()
-        fits = _fits(starts)
-        best = max(fits)
-        close = [s for s, fit in zip(starts, fits, strict=True) if fit >= best - _CLOSE * abs(best)]
-        if len(close) > 1:
-            close = [self._repeated(start) for start in close]
-        fits = _fits(close)
-        first, *others = np.argsort([-fit for fit in fits], kind="stable").tolist()
-        start, self.rejected = close[first]
-        for k in others:
-            n_other = start.differing(close[k][0], _OTHER_OFFSET_FRAMES * self.step_s)
-            stake = abs(fits[first]) * n_other / len(start.rig.cameras)
-            if n_other and fits[first] - fits[k] < _DECISIVE * stake:
-                return start, close[k][0]
-        return start, None
-
-    def _first_rounds(self) -> list[_Start]:
-        """First rounds of the best supported rigs: of three, of all while none explains enough."""
-        rejected = list(self.rejected)
-        starts: list[_Start] = []
-        why: Insufficient | None = None
-        for k, rig in enumerate(self.rigs):
-            complete = any(start.share > _COMPLETE for start, _ in starts)
-            supported = rig.support >= _RIVAL_SUPPORT * self.rigs[0].support
-            if starts and not (supported and (k < _FEW_RIGS or not complete)):
-                break
-            self.tick("first adjustment", k / len(self.rigs))
-            self.rejected = list(rejected)
-            try:
-                starts.append((self._start(rig), self.rejected))
-            except Insufficient as reason:
-                why = why or reason
-        if why is not None and not starts:
-            raise why
-        return starts
-
-    def _repeated(self, start: _Start) -> _Start:
-        """The same once more from where it came to: persons are found better by then."""
-        self.rejected = start[1]
-        try:
-            return self._start(start[0].rig), self.rejected
-        except Insufficient:
-            return start
-
     def _start(self, rig: Rig) -> Round:
         """First round at a rig; cameras that fall off are reported and left out."""
         while True:
             result = first_round(self.lifted, rig, self.options.bundle, step_s=self.step_s)
             if isinstance(result, Round):
                 return result
-            rig = self._largest(rig, result)
+            rig = self.left_out.largest_part(rig, result)
 
     def _iterate(self, start: Round) -> tuple[Round, ...]:
         while True:
@@ -372,82 +322,49 @@ class _Run:
             )
             if not isinstance(result, Unconnected):
                 return result
-            start = self._start(self._largest(start.rig, result))
+            start = self._start(self.left_out.largest_part(start.rig, result))
 
-    def _refine(self) -> FloatArray:
-        """Adjust with biases of key points, errors of stamps, clock rates; covariance of that."""
-        bundle = self.options.bundle
-        self._tick_round(1.0, self.rounds[-1])
-        refined = refine(self.lifted, self.rounds[-1], self.skeleton.layout, bundle)
+    def _refined(self, rounds: tuple[Round, ...]) -> tuple[tuple[Round, ...], FloatArray]:
+        """Adjust with line times, biases, errors of stamps, clock rates; covariance of that."""
+        bundle, layout = self.options.bundle, self.skeleton.layout
+        self._tick_round(1.0, rounds[-1])
+        if self.options.estimate_line_time:
+            last, refined = refine_with_line_times(self.lifted, rounds[-1], layout, bundle)
+            rounds = (*rounds[:-1], last)
+        else:
+            refined = refine(self.lifted, rounds[-1], layout, bundle)
         if refined is not None:
-            self.rounds += (refined.round,)
-        last = with_clock_rates(with_image_times(self.lifted, self.rounds[-1], bundle), bundle)
-        self.rounds = (*self.rounds[:-1], last)
+            rounds += (refined.round,)
+        last = with_image_times(self.lifted, rounds[-1], bundle)
+        if self.options.estimate_line_time and last.stamps is not None:
+            last = with_line_times(self.lifted, last, bundle)
+        last = with_clock_rates(last, bundle)
+        state = put_back(last.observations, last.state, iterations=bundle.max_iterations)
+        if state is last.state:
+            state = settled(last.observations, state)
+        last = last.moved(last.observations, state)
         covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
-        return covariance if refined is None else covariance + refined.excess
+        if last.lines is not None:
+            covariance = covariance + last.lines.added
+        if refined is not None:
+            covariance = covariance + refined.excess
+        return (*rounds[:-1], last), covariance
 
     def _tick_round(self, fraction: float, before: Round) -> None:
         if self.adjusted is not None:
             self.adjusted(before.rms_px())
         self.tick("bundle adjustment", fraction)
 
-    def _largest(self, rig: Rig, apart: Unconnected) -> Rig:
-        """The part of a rig that holds together; the reference's if it has two cameras."""
-        groups = apart.groups
-        kept = next((g for g in groups if 0 in g and len(g) > 1), groups[0])
-        self._reject_groups(
-            [rig.cameras[list(g)].tolist() for g in groups if g is not kept],
-            rig.cameras[list(kept)].tolist(),
-            "hardly anything that it sees matches what is seen by",
-        )
-        if len(kept) < 2:
-            raise Insufficient(
-                Status.INSUFFICIENT_DATA,
-                "people could not be matched across views: too few of their image points fit any "
-                "two cameras; check the intrinsics, let views overlap more, and record longer",
-                self.rejected,
-            )
-        return sub_rig(rig, kept)
-
-    def _reject(self, rig: Rig, members: Sequence[int], reason: str) -> None:
-        names = [self.lifted[rig.cameras[i]].name for i in members]
-        self.rejected += [UncalibratedCamera(name, reason) for name in names]
-
-    def _rivalry(self, best: Round, other: Round) -> str:
-        """Say how two solutions that fit alike differ."""
-        frames = best.clock_difference_s(other) / self.step_s
-        what = (
-            f"their clocks differ by {frames:.1f} frames" if frames >= 1.0 else "their poses differ"
-        )
-        return (
-            f"two solutions fit about equally well, but {what}: motion that repeats itself, or "
-            "people who move alike, do not tell them apart, or the true offset lies outside of "
-            f"offset_range_s (+-{self.options.offset_range_s:g} s); set that to what is possible, "
-            "or record more varied motion"
-        )
-
-    def _verdict(
-        self, covariance: FloatArray, complaint: str | None, found: Sequence[CameraEvidence]
-    ) -> Calibration:
+    def _verdict(self, solution: Solution, complaint: str = "") -> Calibration:
         """The result, with its status."""
-        last = self.rounds[-1]
-        names = [self.lifted[c].name for c in last.rig.cameras]
-        doubts = [
-            f"{n}: {e.complaint()}" for n, e in zip(names, found, strict=True) if e.complaint()
-        ]
+        self.rounds = solution.rounds
+        last, covariance = solution.last, solution.covariance
         self.placement = place(
             self.recording, self.lifted, self.skeleton, last, covariance, self.options
         )
-        status, message = Status.OK, _summary(len(names), len(self.recording.cameras))
-        if complaint is not None:
-            status, message = Status.DEGENERATE, complaint
-        elif doubts:
-            status, message = Status.DEGENERATE, "; ".join(doubts)
-        elif self.placement.complaint:
-            status, message = Status.DEGENERATE, self.placement.complaint
-        elif len(self.rounds) > 1 and self.rounds[-2].differing(last, self.step_s):
-            status = Status.NOT_CONVERGED
-            message = "the adjustment had not settled after the last round: raise bundle.rounds"
+        status, message = judge(
+            self.lifted, self.skeleton, solution, (complaint, self.placement.complaint)
+        )
         return make_calibration(
             self.recording,
             self.lifted,
@@ -457,20 +374,10 @@ class _Run:
             self.placement,
             status=status,
             message=message,
-            uncalibrated=self.rejected,
+            uncalibrated=solution.left_out,
             world_frame=self.options.world_frame,
         )
 
 
-def _summary(n: int, total: int) -> str:
-    return f"{n} of {total} cameras calibrated"
-
-
 def _all_but(n: int, left_out: Sequence[int]) -> list[int]:
     return [i for i in range(n) if i not in left_out]
-
-
-def _fits(starts: Sequence[_Start]) -> list[float]:
-    """How well each fits, all by the same measure."""
-    scale_px = max(_FIT_SCALE_PX, 2.0 * min(start.median_px for start, _ in starts))
-    return [start.fit(scale_px) for start, _ in starts]

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
+from stcalib_ros.core.agreement import depth_scale
 from stcalib_ros.core.averaging import Rig
 from stcalib_ros.core.geometry import hat
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.quality import depth_scale
 from stcalib_ros.core.reconstruction import joint_paths
 from stcalib_ros.core.rounds import Round
 from stcalib_ros.core.scale import Claim, Contradiction, Scale, by_distance, by_height, fuse

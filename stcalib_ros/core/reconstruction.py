@@ -11,13 +11,16 @@ import numpy as np
 from stcalib_ros.core.layouts import Layout
 from stcalib_ros.core.persons import found_persons
 from stcalib_ros.core.rounds import Round
+from stcalib_ros.core.skeleton import Skeleton
 from stcalib_ros.core.stba import persons_of
+from stcalib_ros.core.timeline import GridTracks, tracks_on_grid
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from stcalib_ros.core.pipeline import Stages
     from stcalib_ros.core.placement import Placement
 
+_MAX_PEOPLE = 24
 _LINES = (
     ("left_shoulder", "right_shoulder"),
     ("left_hip", "right_hip"),
@@ -83,6 +86,44 @@ def joint_paths(last: Round) -> Iterator[FloatArray]:
     o = last.observations
     for part in persons_of(o):
         yield _path(last, np.arange(part.start, part.stop))
+
+
+def people_on_grid(
+    skeleton: Skeleton, last: Round, *, start: float | None = None, n: int | None = None
+) -> tuple[GridTracks, list[int]]:
+    """The people, those that are seen longest, as tracks in the frame of the reference camera.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    last : Round
+    start : float, optional
+        Time of the first sample, not after that of the first knot (the default).
+    n : int, optional
+        Samples, at the step of the knots; by default enough.
+
+    Returns
+    -------
+    GridTracks
+    list of int
+        Their numbers in the observations.
+    """
+    o = last.observations
+    start = o.start_s if start is None else start
+    before = round((o.start_s - start) / o.step_s)
+    n = before + int(o.knot.max()) + 1 if n is None else n
+    parts = list(persons_of(o))
+    longest = sorted(range(len(parts)), key=lambda k: parts[k].start - parts[k].stop)
+    kept = longest[:_MAX_PEOPLE]
+    paths, numbers = [], []
+    for k, joints in enumerate(joint_paths(last)):
+        if k in kept:
+            first = before + int(o.knot[parts[k].start])
+            path = np.full((n, *joints.shape[1:]), np.nan)
+            path[first : first + len(joints)] = joints
+            paths.append(path)
+            numbers.append(int(o.person[parts[k].start]))
+    return tracks_on_grid("people", paths, skeleton, start=start, step=o.step_s, n=n), numbers
 
 
 def bones(layout: Layout) -> tuple[tuple[int, int], ...]:

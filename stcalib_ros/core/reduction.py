@@ -89,7 +89,11 @@ class Block:
         self.x = o.x[rows].transpose(1, 3, 0, 2).reshape(C, 2, n * J)[:, :, keep]
         focal = o.focal[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
         self.focal: FloatArray = focal * self.mask
-        self.phi = np.repeat(o.phi[rows].T, J, axis=1)[:, keep]
+        elapsed = np.broadcast_to(o.elapsed(rows), (n, C, J))
+        self.phi = elapsed.transpose(1, 0, 2).reshape(C, n * J)[:, keep]
+        self.row = (
+            None if o.row is None else o.row[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
+        )
         self.V = V[rows].reshape(-1, 3)[keep].T
         self.A = A[rows].reshape(-1, 3)[keep].T
 
@@ -174,8 +178,16 @@ class Linearisation:
         direct = self._gradients(q).reshape(T.shape[1:])
         return np.asarray(direct - np.einsum("kap,kp->ap", T, eliminated.z))
 
-    def by_time(self, scale: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def by_time(
+        self, scale: float, V: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What the points say about the time of each camera's image, poses given.
+
+        Parameters
+        ----------
+        scale : float
+        V : (3, P) ndarray, optional
+            Other velocities than those of the points.
 
         Returns
         -------
@@ -189,30 +201,77 @@ class Linearisation:
         """
         m, q = self._weighted(scale)
         R_T = np.swapaxes(self.cameras.R, -1, -2)
+        RV = self.RV if V is None else self.cameras.R @ V
+        N = self._image_rows(m)
+        pull = np.einsum("icjp,cjp->cip", N, RV, optimize=True)
+        factors = self._point_factors(N)
+        y = forward_solve(factors, (R_T @ pull).transpose(1, 0, 2).copy())
+        z = forward_solve(factors, (R_T @ q).sum(0))
+        g = (q * RV).sum(1) - (y * z[:, None]).sum(0)
+        return (pull * RV).sum(1), y, g
+
+    def unweighted_factors(self) -> tuple[FloatArray, ...]:
+        """Cholesky factors of what the points are told by, all image points weighing alike."""
+        return self._point_factors(self._image_rows(self._weighted(np.inf)[0]))
+
+    def _image_rows(self, m: FloatArray) -> FloatArray:
+        """Rows i of M, (3, C, 3, P)."""
         N = np.empty((3, len(m), 3, m.shape[1]))
         mu = m[:, None] * self.u
         N[0, :, 0], N[0, :, 1], N[1, :, 0], N[1, :, 1] = m, 0.0, 0.0, m
         N[0, :, 2], N[1, :, 2] = -mu[:, 0], -mu[:, 1]
         N[2, :, :2], N[2, :, 2] = -mu, (mu * self.u).sum(1)
-        pull = np.einsum("icjp,cjp->cip", N, self.RV, optimize=True)
-        H = np.einsum("cai,acbp,cbj->ijp", self.cameras.R, N, self.cameras.R, optimize=True)
-        factors = cholesky3(H, 0.0)
-        y = forward_solve(factors, (R_T @ pull).transpose(1, 0, 2).copy())
-        z = forward_solve(factors, (R_T @ q).sum(0))
-        g = (q * self.RV).sum(1) - (y * z[:, None]).sum(0)
-        return (pull * self.RV).sum(1), y, g
+        return N
+
+    def _point_factors(self, N: FloatArray) -> tuple[FloatArray, ...]:
+        R = self.cameras.R
+        return cholesky3(np.einsum("cai,acbp,cbj->ijp", R, N, R, optimize=True), 0.0)
+
+    def with_lines(self, scale: float) -> tuple[FloatArray, FloatArray]:
+        """Normal equations of the cameras and of their line times, without damping.
+
+        A line time acts like an offset, times the rows of the points.
+
+        Returns
+        -------
+        H : (8 C, 8 C) ndarray
+            Those of the cameras first, then the line times.
+        scores : (8 C, P) ndarray
+            Reduced gradients of the single points.
+        """
+        system, _, eliminated, T = self.reduce(scale, 0.0)
+        m, q = self._weighted(scale)
+        row = np.asarray(self.block.row)
+        C, P = m.shape
+        by_camera = self._gradients(self._pull(m, self.RV)) * row[:, None]
+        by_point = T[:, CAMERA - 1 :: CAMERA] * row
+        mixed = -np.einsum("kap,kcp->ac", T, by_point, optimize=True)
+        lines = -np.einsum("kcp,kdp->cd", by_point, by_point, optimize=True)
+        for c in range(C):
+            mixed[CAMERA * c : CAMERA * (c + 1), c] += by_camera[c].sum(-1)
+            lines[c, c] += (by_camera[c, CAMERA - 1] * row[c]).sum()
+        direct = self._gradients(q).reshape(CAMERA * C, P)
+        scores = direct - np.einsum("kap,kp->ap", T, eliminated.z)
+        of_lines = scores[CAMERA - 1 :: CAMERA] * row
+        H = np.block([[system.H, mixed], [mixed.T, lines]])
+        return H, np.concatenate([scores, of_lines])
 
     def followed(self, eliminated: Eliminated, scale: float, d_camera: FloatArray) -> FloatArray:
         """Joints (P, 3) after a step (C, 7) of the cameras and the step of the points to it."""
         m, _ = self._weighted(scale)
         omega, d_t, d_shift = d_camera[:, :3], d_camera[:, 3:6], d_camera[:, 6]
         moved = hat(omega) @ self.Y + d_t[:, :, None] + d_shift[:, None, None] * self.RV
-        pull = np.empty_like(moved)
-        pull[:, :2] = m[:, None] * (moved[:, :2] - self.u * moved[:, 2:])
-        pull[:, 2] = -(self.u[:, 0] * pull[:, 0] + self.u[:, 1] * pull[:, 1])
+        pull = self._pull(m, moved)
         towards = (np.swapaxes(self.cameras.R, -1, -2) @ pull).sum(0)
         y = eliminated.z + forward_solve(eliminated.factors, towards)
         return np.asarray((self.X - backward_solve(eliminated.factors, y)).T)
+
+    def _pull(self, m: FloatArray, moved: FloatArray) -> FloatArray:
+        """``M`` times displacements (C, 3, P) in the axes of the cameras."""
+        pull = np.empty_like(moved)
+        pull[:, :2] = m[:, None] * (moved[:, :2] - self.u * moved[:, 2:])
+        pull[:, 2] = -(self.u[:, 0] * pull[:, 0] + self.u[:, 1] * pull[:, 1])
+        return pull
 
     def _camera_rows(self, m: FloatArray) -> FloatArray:
         """Rows j of ``M [-y x, I, R V]``, (3, C, 7, P)."""

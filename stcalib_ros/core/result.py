@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core import stba
+from stcalib_ros.core.agreement import pair_residuals
 from stcalib_ros.core.covariance import PARAMETERS
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.persons import found_persons
 from stcalib_ros.core.placement import Placement
-from stcalib_ros.core.quality import pair_residuals
 from stcalib_ros.core.rounds import Round
 from stcalib_ros.core.skeleton import Skeleton
 from stcalib_ros.core.types import (
@@ -117,6 +117,8 @@ class _Clock:
 
 def _clock(last: Round, i: int) -> _Clock:
     offset, rates = float(last.rig.offset_s[i]), last.clocks
+    if last.lines is not None:
+        offset += float(last.lines.first_row_s[i])
     if rates is None:
         return _Clock(offset)
     skew, stddev = float(rates.skew[i]), float(rates.stddev[i])
@@ -133,7 +135,7 @@ def _camera(
     block: FloatArray,
     clock: _Clock,
 ) -> CameraCalibration:
-    camera = recording.cameras[last.rig.cameras[i]]
+    camera, lines = recording.cameras[last.rig.cameras[i]], last.lines
     return CameraCalibration(
         name=camera.name,
         frame_id=camera.frame_id,
@@ -145,6 +147,8 @@ def _camera(
         time_offset_stddev_s=float(np.sqrt(max(block[6, 6], 0.0))),
         clock_skew=clock.skew,
         clock_skew_stddev=clock.stddev,
+        line_time_s=camera.line_time_s if lines is None else float(lines.line_s[i]),
+        line_time_stddev_s=float("nan") if lines is None else float(lines.stddev_s[i]),
     )
 
 

@@ -14,6 +14,7 @@ from stcalib_ros.core.geometry import rotation_angle
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.observations import Observations, observe
 from stcalib_ros.core.options import BundleOptions
+from stcalib_ros.core.slow_motion import put_back
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _FIRST_FLOOR_PX = 15.0
@@ -27,7 +28,8 @@ _MIN_SHARED_POINTS = 100
 _MIN_SHARE = 0.1
 _OTHER_ROTATION = 0.1
 _OTHER_POSITION = 0.3
-_OTHER_DISTANCE = 0.1
+_OTHER_DISTANCE = 0.03
+_OTHER_SCALE = 1.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +69,28 @@ class StampErrors:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class LineTimes:
+    """Line times of the shutters of the cameras (C,), estimated.
+
+    Attributes
+    ----------
+    line_s : (C,) ndarray
+        Seconds per row; where the recording does not tell it, the given one.
+    stddev_s : (C,) ndarray
+        Predicted; of those that are not told, what it would have been.
+    first_row_s : (C,) ndarray
+        What to add to the offsets of the rig for them to hold for row 0.
+    added : (7 C, 7 C) ndarray
+        What not to know the line times adds to the covariance of the cameras, offsets of row 0.
+    """
+
+    line_s: FloatArray
+    stddev_s: FloatArray
+    first_row_s: FloatArray
+    added: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Round:
     """What one round of association, adjustment and outlier removal left.
 
@@ -90,6 +114,8 @@ class Round:
         None where they were not asked for.
     stamps : StampErrors or None
         None where stamps have no errors that images tell.
+    lines : LineTimes or None
+        None where they were not estimated.
     """
 
     rig: Rig
@@ -101,6 +127,7 @@ class Round:
     share: float
     clocks: ClockRates | None = None
     stamps: StampErrors | None = None
+    lines: LineTimes | None = None
 
     def moved(self, observations: Observations, state: stba.BundleState) -> Round:
         """The same persons after one more adjustment of the same images."""
@@ -285,6 +312,7 @@ def _round(
         tolerance=tolerance,
         renew_velocities=last,
     )
+    state = put_back(observations, state, iterations=o.max_iterations)
     if last:
         state = drop_outliers(observations, state, o)
     coverage = every_slot * J / observations.x.shape[2]
@@ -366,10 +394,15 @@ def _rig_of(state: stba.BundleState, rig: Rig) -> Rig:
 
 
 def _elsewhere(one: Rig, other: Rig, tolerance_s: float) -> BoolArray:
-    """Cameras (C,) that stand, look or run elsewhere in another rig of the same cameras."""
+    """Cameras (C,) that stand, look or run elsewhere in another rig of the same cameras.
+
+    By how much most of them are further away is the size that the people are taken for.
+    """
     turned = rotation_angle(np.swapaxes(one.R_ref_cam, -1, -2) @ other.R_ref_cam)
-    apart = np.linalg.norm(one.t_ref_cam - other.t_ref_cam, axis=-1)
-    reach = np.linalg.norm(one.t_ref_cam, axis=-1)
+    reach, its_reach = (np.linalg.norm(rig.t_ref_cam, axis=-1) for rig in (one, other))
+    scale = np.median(reach[1:] / np.maximum(its_reach[1:], 1e-9))
+    scale = np.clip(scale, 1 / _OTHER_SCALE, _OTHER_SCALE)
+    apart = np.linalg.norm(one.t_ref_cam - scale * other.t_ref_cam, axis=-1)
     shifted = np.abs(one.offset_s - other.offset_s)
     moved = apart > _OTHER_POSITION + _OTHER_DISTANCE * reach
     return np.asarray((turned > _OTHER_ROTATION) | moved | (shifted > tolerance_s))

@@ -9,7 +9,7 @@ of closed-form 3x3 factorisations and one matrix product.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from stcalib_ros.core.averaging import Rig
 from stcalib_ros.core.geometry import exp_so3, triangulate
-from stcalib_ros.core.motion import local_cubic
+from stcalib_ros.core.motion import local_motion, smooth_motion
 from stcalib_ros.core.observations import Observations
 from stcalib_ros.core.reduction import (
     CAMERA,
@@ -35,9 +35,9 @@ CAUCHY = 2.385
 RAYLEIGH_MEDIAN = 1.17741
 MIN_SCALE_PX = 0.5
 _LEAST_SHARE = 0.2
-_MIN_RENEWALS = 8
-_HALF_WINDOW_S = 0.1
-_MIN_HALF_WINDOW = 3
+_MIN_RENEWALS = 4
+_HALF_WINDOW_S = 0.2
+_MIN_HALF_WINDOW = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +99,7 @@ def _triangulated(
     N, _, J = o.seen.shape
     X, good = np.zeros((N, J, 3)), np.zeros((N, J), dtype=bool)
     for rows in _blocks(o):
-        when = o.phi[rows, None, :, None]
+        when = o.elapsed(rows).transpose(0, 2, 1)[..., None]
         moved = when * (V[rows, :, None] + 0.5 * when * A[rows, :, None])
         weight = o.seen[rows].transpose(0, 2, 1).astype(float)
         found, good[rows] = triangulate(
@@ -118,22 +118,21 @@ def _rays(x: FloatArray, rig: Rig) -> FloatArray:
 
 
 def motion(
-    o: Observations, X: FloatArray, present: BoolArray, *, half_window: int | None = None
+    o: Observations, X: FloatArray, present: BoolArray, *, smooth_s: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Velocities and accelerations (N, J, 3) by a local cubic fit along each person's knots.
+    """Velocities and accelerations (N, J, 3) by a local fit along each person's knots.
 
-    Over a tenth of a second to either side unless another number of knots is given: with fewer,
-    noise in the velocities would draw the offsets towards whole frames.
+    Of noisy points with `smooth_s`: by cubics over so many seconds to either side.
     """
-    if half_window is None:
-        half_window = max(_MIN_HALF_WINDOW, round(_HALF_WINDOW_S / o.step_s))
+    half_window = max(_MIN_HALF_WINDOW, round((smooth_s or _HALF_WINDOW_S) / o.step_s))
+    fit = smooth_motion if smooth_s else local_motion
     V, A = np.zeros((2, *X.shape))
     for rows in persons_of(o):
         knots = o.knot[rows] - o.knot[rows][0]
         n = int(knots[-1]) + 1
         path, there = np.zeros((n, *X.shape[1:])), np.zeros((n, X.shape[1]), dtype=bool)
         path[knots], there[knots] = X[rows], present[rows]
-        per_step, per_step2 = local_cubic(path, there, half_window=half_window)
+        per_step, per_step2 = fit(path, there, half_window=half_window)
         V[rows], A[rows] = per_step[knots] / o.step_s, per_step2[knots] / o.step_s**2
     return V, A
 
@@ -151,7 +150,7 @@ def at_images(
     o: Observations, state: BundleState, rows: slice | IntArray = slice(None)
 ) -> FloatArray:
     """Joints (N, C, J, 3) in the reference frame at the time of each camera's image."""
-    when = (o.phi[rows] + state.shift_s)[..., None, None]
+    when = (o.elapsed(rows) + state.shift_s[:, None])[..., None]
     V, A = state.V[rows][:, None], state.A[rows][:, None]
     return np.asarray(state.X[rows][:, None] + when * (V + 0.5 * when * A))
 
@@ -223,7 +222,7 @@ def adjust(
     """
     damping = 1e-5
     scale = CAUCHY * max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
-    problem = _Problem(o, state, scale)
+    problem = PointProblem(o, state, scale)
     least = _MIN_RENEWALS if renew_velocities else 0
     for step in range(iterations):
         trial, length = problem.step(damping)
@@ -234,7 +233,7 @@ def adjust(
                 state = problem.state_of(state)
                 V, A = motion(o, state.X, state.used.sum(1) >= 2)
                 state = replace(state, V=V, A=A)
-                problem = _Problem(o, state, scale)
+                problem = PointProblem(o, state, scale)
             if length < tolerance and step >= least:
                 break
         else:
@@ -266,7 +265,7 @@ def reduced_by_group(
     H, g = [], []
     for k in range(int(group.max()) + 1):
         rows = np.flatnonzero(group == k)
-        problem = _Problem(o.only(rows), state.only(rows), CAUCHY * sigma, cost=0.0)
+        problem = PointProblem(o.only(rows), state.only(rows), CAUCHY * sigma, cost=0.0)
         system, _ = problem.reduce(0.0)
         H.append(system.H / sigma**2)
         g.append(system.g / sigma**2)
@@ -292,7 +291,7 @@ def time_sums(
         Both in units of the noise of the image points, the points eliminated.
     """
     sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
-    problem = _Problem(o, state, CAUCHY * sigma, cost=0.0)
+    problem = PointProblem(o, state, CAUCHY * sigma, cost=0.0)
     K, C, J = int(group.max()) + 1, *o.seen.shape[1:]
     H, g = np.zeros((K, C, C)), np.zeros((K, C))
     for block, at in problem.linearised():
@@ -325,7 +324,7 @@ def cluster_scores(
         Share of each cluster in the gradient; their sum is ``system.g``.
     """
     sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
-    problem = _Problem(o, state, CAUCHY * sigma)
+    problem = PointProblem(o, state, CAUCHY * sigma)
     labels, n = cluster.ravel(), int(cluster.max(initial=-1)) + 1
     scores = np.zeros((CAMERA * len(state.t_cam_ref), n))
     for block, at in problem.linearised():
@@ -335,7 +334,7 @@ def cluster_scores(
     return problem.reduce(0.0)[0], scores
 
 
-class _Problem:
+class PointProblem:
     """The adjustment at one state of the unknowns; V, A and the choice of points are given."""
 
     def __init__(
@@ -373,12 +372,17 @@ class _Problem:
         H[range(n), range(n)] += damping * diagonal
         return ReducedSystem(H, g), eliminated
 
-    def step(self, damping: float) -> tuple[_Problem, float]:
+    def step(self, damping: float) -> tuple[PointProblem, float]:
         """The problem after one damped step, and how many standard deviations the cameras moved.
 
         The reference pose and the scale stay.
         """
-        system, eliminated = self.reduce(damping)
+        return self.moved(*self.reduce(damping))
+
+    def moved(
+        self, system: ReducedSystem, eliminated: Sequence[Eliminated]
+    ) -> tuple[PointProblem, float]:
+        """The problem after the step of a system, and how many deviations the cameras moved."""
         d_camera = -solve_reduced(system, self.cameras.t, synchronised=self.state.synchronised)
         flat = d_camera.ravel()
         length = np.sqrt(max(float(flat @ system.H @ flat), 0.0)) * CAUCHY / self.scale
@@ -396,7 +400,7 @@ class _Problem:
         state = replace(
             self.state, R_cam_ref=cameras.R, t_cam_ref=cameras.t, shift_s=cameras.shift, X=X
         )
-        return _Problem(self.o, state, self.scale, cost), float(length)
+        return PointProblem(self.o, state, self.scale, cost), float(length)
 
     def state_of(self, before: BundleState) -> BundleState:
         """The state, the scale put back exactly to what it was before."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,26 +59,46 @@ def sample_camera(
     """Sample the tracks of a camera at ``start + step * k`` by linear interpolation."""
     period = frame_period(camera.stamps)
     times: FloatArray = start + step * np.arange(n, dtype=np.float64)
-    P, D = len(camera.tracks), len(skeleton.directions)
-    oriented = np.zeros((P, n, D, 3), np.float32)
-    weight = np.zeros((P, n, D), np.float32)
-    position = np.full((P, n, 3), np.nan)
-    for p, track in enumerate(camera.tracks):
-        at = Interpolation(camera.stamps[track.frames], times, period=period)
-        joints = at(track.joints_cam)
-        body = joints_centre(joints, skeleton)
-        bones = np.einsum("dj,njk->ndk", skeleton.directions, np.nan_to_num(joints))
-        missing = np.einsum("dj,nj->nd", skeleton.directions != 0, np.isnan(joints[..., 0]))
-        length = np.linalg.norm(bones, axis=-1)
-        known = (missing == 0) & (length > 1e-6)
-        typical = np.sqrt(
-            [np.median(length[k, d]) if k.any() else 0.0 for d, k in enumerate(known.T)]
-        )
-        share = known * typical
-        weight[p] = share
-        oriented[p] = bones * (share / np.maximum(length, 1e-6))[..., None]
-        position[p] = body
-    return GridTracks(camera.name, start, step, oriented, weight, position)
+    paths = (
+        Interpolation(camera.stamps[track.frames], times, period=period)(track.joints_cam)
+        for track in camera.tracks
+    )
+    return tracks_on_grid(camera.name, paths, skeleton, start=start, step=step, n=n)
+
+
+def tracks_on_grid(
+    name: str,
+    paths: Iterable[FloatArray],
+    skeleton: Skeleton,
+    *,
+    start: float,
+    step: float,
+    n: int,
+) -> GridTracks:
+    """Tracks whose joints (n, J, 3) are known on the grid; NaN where they are not."""
+    D = len(skeleton.directions)
+    tracks = [_oriented(path, skeleton) for path in paths]
+    oriented = np.zeros((len(tracks), n, D, 3), np.float32)
+    weight = np.zeros((len(tracks), n, D), np.float32)
+    position = np.full((len(tracks), n, 3), np.nan)
+    for p, columns in enumerate(tracks):
+        oriented[p], weight[p], position[p] = columns
+    return GridTracks(name, start, step, oriented, weight, position)
+
+
+def _oriented(joints: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weighted directions (N, D, 3), weights (N, D) and positions (N, 3) of one track."""
+    bones = np.einsum("dj,njk->ndk", skeleton.directions, np.nan_to_num(joints))
+    missing = np.einsum("dj,nj->nd", skeleton.directions != 0, np.isnan(joints[..., 0]))
+    length = np.linalg.norm(bones, axis=-1)
+    known = (missing == 0) & (length > 1e-6)
+    typical = np.sqrt([np.median(length[k, d]) if k.any() else 0.0 for d, k in enumerate(known.T)])
+    share = known * typical
+    return (
+        bones * (share / np.maximum(length, 1e-6))[..., None],
+        share,
+        joints_centre(joints, skeleton),
+    )
 
 
 def joints_centre(joints: FloatArray, skeleton: Skeleton) -> FloatArray:

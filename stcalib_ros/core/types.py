@@ -103,6 +103,9 @@ class CameraRecording:
     tracks : tuple of Track
     metric : bool
         The 3D poses are in metres.
+    line_time_s : float
+        Of a rolling shutter: row v of an image is taken at ``stamp + line_time_s * v``; 0: all
+        rows at once.
     """
 
     name: str
@@ -112,6 +115,7 @@ class CameraRecording:
     stamps: FloatArray
     tracks: tuple[Track, ...]
     metric: bool = False
+    line_time_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,6 +162,10 @@ class CameraCalibration:
     clock_skew, clock_skew_stddev : float
         Dimensionless. A skew of 0 with a deviation of more than 1e-5: the recording is too short
         to tell it, and this is how well it would. NaN where it was not asked for.
+    line_time_s, line_time_stddev_s : float
+        Of a rolling shutter, seconds per row: the offset holds for row 0. The deviation is NaN
+        where the line time was not estimated. One that the recording does not tell is the given
+        one, with the deviation that it would have had.
     """
 
     name: str
@@ -170,6 +178,8 @@ class CameraCalibration:
     time_offset_stddev_s: float
     clock_skew: float = 0.0
     clock_skew_stddev: float = float("nan")
+    line_time_s: float = 0.0
+    line_time_stddev_s: float = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,3 +293,11 @@ class Calibration:
         """Frame that the poses are expressed in; empty if there are no cameras."""
         frames = {camera.name: camera.frame_id for camera in self.cameras}
         return self.frame_id or frames.get(self.reference, "")
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the message of a good calibration says beyond how many cameras it has."""
+        if self.status is not Status.OK:
+            return ()
+        sentences = self.message.split("; ")[1:]
+        return tuple(f"{text[:1].upper()}{text[1:]}." for text in sentences)

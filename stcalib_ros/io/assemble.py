@@ -29,6 +29,8 @@ class CameraImages:
         For messages.
     frame_id : str or None
         Takes precedence over that of the messages.
+    line_time_s : float
+        Of its shutter, seconds per row.
     """
 
     name: str
@@ -37,6 +39,7 @@ class CameraImages:
     pose_topic: str
     info_topic: str
     frame_id: str | None = None
+    line_time_s: float = 0.0
 
 
 def assemble_recording(cameras: Sequence[CameraImages], *, warn: Warn) -> Recording:
@@ -73,6 +76,7 @@ def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
         stamps=stamps_ns / NS,
         tracks=_tracks(camera.pose_topic, images, warn),
         metric=first.metric,
+        line_time_s=camera.line_time_s,
     )
 
 

@@ -137,6 +137,7 @@ class _Contents:
                     pose_topic=camera.pose_topic,
                     info_topic=camera.info_topic,
                     frame_id=camera.frame,
+                    line_time_s=camera.line_time_s,
                 )
             )
         return out

@@ -29,8 +29,8 @@ class Config:
 def read_config(path: Path) -> Config:
     """Read a configuration file: the options of the calibration, ``cameras`` and ``camera``.
 
-    ``cameras`` is a list of names, ``camera`` a mapping by name to ``pose_topic``, ``info_topic``
-    and ``frame``. Whatever is left out has its default.
+    ``cameras`` is a list of names, ``camera`` a mapping by name to ``pose_topic``, ``info_topic``,
+    ``frame`` and ``line_time_s``. Whatever is left out has its default.
 
     Raises
     ------

@@ -145,7 +145,18 @@ def _plain_camera(camera: CameraCalibration) -> dict[str, Any]:
         "time_offset_stddev_s": float(camera.time_offset_stddev_s),
         "clock_skew": float(camera.clock_skew),
         "clock_skew_stddev": float(camera.clock_skew_stddev),
+        **_plain_shutter(camera),
         "intrinsics": _plain_lens(camera.intrinsics),
+    }
+
+
+def _plain_shutter(camera: CameraCalibration) -> dict[str, float]:
+    """Line time of a rolling shutter; nothing where all rows are taken at once."""
+    if camera.line_time_s == 0.0 and np.isnan(camera.line_time_stddev_s):
+        return {}
+    return {
+        "line_time_s": float(camera.line_time_s),
+        "line_time_stddev_s": float(camera.line_time_stddev_s),
     }
 
 
@@ -278,6 +289,8 @@ def _camera(name: str, entry: _Entry) -> CameraCalibration:
         time_offset_stddev_s=entry.get("time_offset_stddev_s", np.nan).number(),
         clock_skew=entry.get("clock_skew", 0.0).number(),
         clock_skew_stddev=entry.get("clock_skew_stddev", np.nan).number(),
+        line_time_s=entry.get("line_time_s", 0.0).number(),
+        line_time_stddev_s=entry.get("line_time_stddev_s", np.nan).number(),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
@@ -13,11 +13,12 @@ from stcalib_ros.io.schemas import CAMERA_INFO, POSES
 
 @dataclass(frozen=True, slots=True)
 class CameraTopics:
-    """Topics and frame of one camera; None: by convention."""
+    """Topics, frame and line time (seconds per row) of one camera; None: by convention."""
 
     pose_topic: str | None = None
     info_topic: str | None = None
     frame: str | None = None
+    line_time_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,15 +35,24 @@ class CameraSelection:
     cameras: tuple[str, ...] | None = None
     camera: Mapping[str, CameraTopics] = field(default_factory=dict)
 
+    def with_line_times(self, line_times_s: Mapping[str, float]) -> CameraSelection:
+        """The same with line times by name of camera; they take precedence."""
+        changed = {
+            name: replace(self.camera.get(name, CameraTopics()), line_time_s=line_s)
+            for name, line_s in line_times_s.items()
+        }
+        return replace(self, camera={**self.camera, **changed})
+
 
 @dataclass(frozen=True, slots=True)
 class SelectedCamera:
-    """A camera and the topics that serve it."""
+    """A camera, the topics that serve it, and the line time of its shutter."""
 
     name: str
     pose_topic: str
     info_topic: str
     frame: str | None
+    line_time_s: float = 0.0
 
 
 def selection_from_mapping(cameras: object, camera: object) -> CameraSelection:
@@ -51,7 +61,7 @@ def selection_from_mapping(cameras: object, camera: object) -> CameraSelection:
     Parameters
     ----------
     cameras : list of str or None
-    camera : mapping of name to ``{pose_topic:, info_topic:, frame:}`` or None
+    camera : mapping of name to ``{pose_topic:, info_topic:, frame:, line_time_s:}`` or None
 
     Raises
     ------
@@ -73,15 +83,31 @@ def selection_from_mapping(cameras: object, camera: object) -> CameraSelection:
 
 
 def _topics(name: str, given: Any) -> CameraTopics:
-    known = ("pose_topic", "info_topic", "frame")
+    known = tuple(field.name for field in fields(CameraTopics))
     if not isinstance(given, Mapping):
         raise InputError(f"option camera.{name}: expected {', '.join(known)}, got {given!r}")
     for key, value in given.items():
         if key not in known:
             raise InputError(f"unknown option camera.{name}.{key}: there are {', '.join(known)}")
+        if key == "line_time_s":
+            continue
         if not isinstance(value, str) or not value:
             raise InputError(f"option camera.{name}.{key}: expected text, got {value!r}")
-    return CameraTopics(**given)
+    line_time = given.get("line_time_s")
+    return CameraTopics(
+        **{key: value for key, value in given.items() if key != "line_time_s"},
+        line_time_s=None if line_time is None else _seconds(line_time, f"camera.{name}"),
+    )
+
+
+def _seconds(value: Any, path: str) -> float:
+    """Line time; ``25e-6``, which YAML 1.1 takes for text, is a number, too."""
+    if isinstance(value, int | float | str) and not isinstance(value, bool):
+        try:
+            return float(value)
+        except ValueError:
+            pass
+    raise InputError(f"option {path}.line_time_s: expected seconds per image row, got {value!r}")
 
 
 def select_cameras(
@@ -105,6 +131,12 @@ def select_cameras(
         what there is.
     """
     pose_topics = _pose_topics(types_by_topic, selection)
+    timed = [n for n, own in selection.camera.items() if own.line_time_s is not None]
+    if unknown := [name for name in timed if name not in pose_topics]:
+        raise InputError(
+            f"line_time_s of camera {unknown[0]}: no person poses of it; "
+            f"the bag has {_listing(types_by_topic, POSES)}"
+        )
     wanted = selection.cameras
     if wanted is None:
         wanted = tuple(sorted(pose_topics, key=_natural))
@@ -119,7 +151,8 @@ def select_cameras(
         pose_topic = pose_topics[name]
         info_topic = own.info_topic or pose_topic.rpartition("/")[0] + "/camera_info"
         _require_type(types_by_topic, info_topic, CAMERA_INFO, f"camera {name}")
-        cameras.append(SelectedCamera(name, pose_topic, info_topic, own.frame))
+        line_s = own.line_time_s or 0.0
+        cameras.append(SelectedCamera(name, pose_topic, info_topic, own.frame, line_s))
     return tuple(cameras)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from stcalib_ros.core.geometry import quaternion_from_matrix, rotation_angle
 from stcalib_ros.core.pipeline import Stages
+from stcalib_ros.core.shutter import line_time_text
 from stcalib_ros.core.timeline import frame_period
 from stcalib_ros.core.types import (
     Calibration,
@@ -66,7 +67,9 @@ def _sentence(c: Calibration) -> str:
         f"{c.n_inliers} of {c.n_observations} image points fit, with a reprojection error of "
         f"{c.reprojection_rms_px:.2f} px (rms)."
     )
-    return found if c.status is Status.OK else f"{_capital(c.message)}. Found: {found}"
+    if c.status is not Status.OK:
+        return f"{_capital(c.message)}. Found: {found}"
+    return " ".join([found, *c.remarks])
 
 
 def _count(n: int, what: str) -> str:
@@ -109,7 +112,7 @@ def _camera(camera: CameraCalibration, errors: CameraErrors, reference: str) -> 
         position,
         _numbers(quaternion_from_matrix(camera.R_ref_cam), 4),
         turned,
-        "reference" if is_reference else _offset(camera),
+        "reference" + line_time_text(camera) if is_reference else _offset(camera),
         f"{len(errors.inliers)} ({errors.share:.0%})",
     )
 
@@ -119,7 +122,7 @@ def _offset(camera: CameraCalibration) -> str:
     text += _plus_minus(1e3 * camera.time_offset_stddev_s, 2)
     if camera.clock_skew:
         text += f", {1e6 * camera.clock_skew:+.1f} ppm"
-    return text
+    return text + line_time_text(camera)
 
 
 def _numbers(values: FloatArray, digits: int) -> str:

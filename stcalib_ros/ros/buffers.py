@@ -364,6 +364,7 @@ def _camera_images(
         pose_topic=camera.pose_topic,
         info_topic=camera.info_topic,
         frame_id=camera.frame,
+        line_time_s=camera.line_time_s,
     )
 
 

@@ -158,6 +158,8 @@ def time_offset_messages(
             skew_stddev=camera.clock_skew_stddev,
             epoch=epoch,
             offset_frames=camera.time_offset_s * rates.get(camera.name, math.nan),
+            line_time_s=camera.line_time_s,
+            line_time_stddev_s=camera.line_time_stddev_s,
         )
         for camera in calibration.cameras
     ]

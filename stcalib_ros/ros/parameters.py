@@ -91,6 +91,7 @@ OPTION_SPECS = (
         "",
         "Frame with z up and the floor at 0 for the poses; empty: that of the reference camera.",
     ),
+    Spec("estimate_line_time", False, "Estimate the line times of rolling shutters."),
     Spec("scale.poses_sigma", 0.1, "Of metric 3D poses, as a share.", 1e-4, 1.0),
     Spec("scale.body_height_m", 0.0, "Mean height of the people; 0: not known.", 0.0, 3.0),
     Spec("scale.body_height_sigma_m", 0.09, "Of one of them.", 1e-3, 1.0),
@@ -148,7 +149,7 @@ def camera_specs(name: str) -> tuple[Spec, ...]:
     Examples
     --------
     >>> [spec.default for spec in camera_specs("cam0")]
-    ['/cam0/person_poses', '/cam0/camera_info', '']
+    ['/cam0/person_poses', '/cam0/camera_info', '', 0.0]
     """
     return (
         Spec(f"camera.{name}.pose_topic", f"/{name}/person_poses", "Its poses.", fixed=True),
@@ -157,6 +158,14 @@ def camera_specs(name: str) -> tuple[Spec, ...]:
             f"camera.{name}.frame",
             "",
             "Its optical frame; empty: the frame_id of the poses.",
+            fixed=True,
+        ),
+        Spec(
+            f"camera.{name}.line_time_s",
+            0.0,
+            "Rolling shutter: seconds per image row; 0: all rows at once.",
+            0.0,
+            1e-3,
             fixed=True,
         ),
     )
@@ -233,8 +242,8 @@ def _options(values: Mapping[str, Any]) -> Options:
 
 
 def _camera(name: str, values: Mapping[str, Any]) -> SelectedCamera:
-    pose_topic, info_topic, frame = (values[spec.name] for spec in camera_specs(name))
-    return SelectedCamera(name, pose_topic, info_topic, frame or None)
+    pose_topic, info_topic, frame, line_s = (values[spec.name] for spec in camera_specs(name))
+    return SelectedCamera(name, pose_topic, info_topic, frame or None, line_s)
 
 
 def _folder(given: str, node_name: str) -> Path:

@@ -23,6 +23,6 @@ def play(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Calibration], C
 
         for benchmark in (floor, measure):
             monkeypatch.setattr(benchmark, "simulate", simulated)
-        monkeypatch.setattr(measure, "calibrate", lambda recording: answer(truths[-1]))
+        monkeypatch.setattr(measure, "calibrate", lambda *_: answer(truths[-1]))
 
     return play_with

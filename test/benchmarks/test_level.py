@@ -130,3 +130,17 @@ def test_the_worst_tenth_has_a_limit_of_its_own(play):
         if row.figure == "E_delta"
     )
     assert (row.target, row.met) == ("median <= 1, p90 <= 0.001", False)
+
+
+@pytest.mark.parametrize("how", ["ignored", "given", "estimated"])
+def test_line_times_are_given_or_asked_for(monkeypatch, how):
+    asked = []
+
+    def take(recording, options):
+        asked.append(([c.line_time_s for c in recording.cameras], options.estimate_line_time))
+        raise CalibrationError("enough")
+
+    monkeypatch.setattr(measure, "calibrate", take)
+    options = SceneOptions(n_cameras=2, n_frames=10, line_time_s=(1e-5, 2e-5))
+    measure.run_scene(replace(SCENARIO, options=options, line_times=how), 0)
+    assert asked == [([1e-5, 2e-5] if how == "given" else [0.0, 0.0], how == "estimated")]

@@ -33,6 +33,9 @@ def problem(
     sigma_px: float = 1.0,
     offset_s: float = 0.004,
     missing: float = 0.15,
+    pace_m_s: float = 2.0,
+    acceleration: float = 5.0,
+    phi_frames: float = 0.5,
 ) -> Problem:
     """Points under steady acceleration, seen by cameras on an arc with noise of Gauss.
 
@@ -42,12 +45,12 @@ def problem(
     person, knot = np.repeat(np.arange(people), knots), np.tile(np.arange(knots), people)
     R, t = _arc(rng, cameras)
     start = rng.uniform([-1, -1, 4], [1, 1, 6], (people, joints, 3))
-    pace = rng.uniform(-2, 2, (people, joints, 3))
-    A = rng.uniform(-5, 5, (people, joints, 3))[person]
+    pace = rng.uniform(-pace_m_s, pace_m_s, (people, joints, 3))
+    A = rng.uniform(-acceleration, acceleration, (people, joints, 3))[person]
     elapsed = (knot * STEP_S)[:, None, None]
     V = pace[person] + elapsed * A
     X = start[person] + elapsed * (pace[person] + 0.5 * elapsed * A)
-    phi = rng.uniform(-0.5, 0.5, (N, cameras)) * STEP_S
+    phi = rng.uniform(-phi_frames, phi_frames, (N, cameras)) * STEP_S
     shift = rng.uniform(-offset_s, offset_s, cameras)
     shift[0] = 0
     seen = rng.uniform(size=(N, cameras, joints)) >= missing

@@ -83,7 +83,7 @@ def test_exact_key_points_at_offsets_between_frames_leave_what_the_motion_model_
 def test_a_usual_scene_is_within_the_usual_level(found, small_scene):
     e = error(found, small_scene.truth)
     assert found.status is Status.OK
-    assert found.message == "3 of 3 cameras calibrated"
+    assert found.message.startswith("3 of 3 cameras calibrated; ")
     assert e.E_R < 0.003
     assert e.E_t < 0.003
     assert e.E_delta < 0.06
@@ -156,10 +156,10 @@ def test_a_reversed_pair_has_the_inverse_pose(small_scene):
         for pair in (two, two[::-1])
     )
     a_b, b_a = forth[1], back[1]
-    assert rotation_angle(a_b.R_ref_cam @ b_a.R_ref_cam) < 2e-4
+    assert rotation_angle(a_b.R_ref_cam @ b_a.R_ref_cam) < 3e-4
     direction = -a_b.R_ref_cam @ b_a.t_ref_cam
     cosine = direction @ a_b.t_ref_cam / np.linalg.norm(direction) / np.linalg.norm(a_b.t_ref_cam)
-    assert np.arccos(min(cosine, 1.0)) < 2e-4
+    assert np.arccos(min(cosine, 1.0)) < 3e-4
     assert a_b.time_offset_s == pytest.approx(-b_a.time_offset_s, abs=0.01 * FRAME_S)
 
 

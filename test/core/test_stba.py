@@ -152,7 +152,7 @@ def test_the_gradient_is_that_of_the_robust_cost_where_points_are_optimal(rng):
         return least_squares(cost, X.ravel(), xtol=1e-15, ftol=1e-15, gtol=1e-13).x.reshape(X.shape)
 
     state = replace(state, X=best_points(state, state.X))
-    problem_ = stba._Problem(p.o, state, scale)
+    problem_ = stba.PointProblem(p.o, state, scale)
     g = problem_.reduce(0.0)[0].g
 
     def cost(v):

@@ -38,9 +38,14 @@ def test_empty_file_is_the_default(tmp_path: Path) -> None:
         ("cameras: a", r"cameras: expected a list of names, got 'a'"),
         ("cameras: [a, b, a]", "two cameras with one name: a"),
         ("camera: [a]", "camera: expected a mapping"),
-        ("camera: {a: /x}", r"camera\.a: expected pose_topic, info_topic, frame, got '/x'"),
+        ("camera: {a: /x}", r"camera\.a: expected pose_topic, .*, line_time_s, got '/x'"),
         ("camera: {a: {topic: /x}}", r"unknown option camera\.a\.topic"),
         ("camera: {a: {frame: 3}}", r"camera\.a\.frame: expected text, got 3"),
+        ("camera: {a: {line_time_s: fast}}", r"camera\.a\.line_time_s: expected seconds per image"),
+        (
+            "camera: {a: {line_time_s: true}}",
+            r"line_time_s: expected .*, got True",
+        ),
         ("camera: {a: {frame: x}, a: {frame: y}}", "'a' is given twice"),
     ],
 )
@@ -50,6 +55,20 @@ def test_unusable(tmp_path: Path, text: str, message: str) -> None:
         read_config(tmp_path / "c.yaml")
     assert "c.yaml" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["15e-6", "15.0e-6", "'1.5e-5'"])
+def test_line_time(tmp_path: Path, text: str) -> None:
+    (tmp_path / "c.yaml").write_text(f"camera: {{a: {{line_time_s: {text}}}}}")
+    own = read_config(tmp_path / "c.yaml").selection
+    assert own.camera["a"] == CameraTopics(line_time_s=15e-6)
+    both = own.with_line_times({"a": 2e-5, "b": 0.0})
+    assert {name: one.line_time_s for name, one in both.camera.items()} == {"a": 2e-5, "b": 0.0}
+
+
+def test_line_times_reach_the_cameras() -> None:
+    selection = CameraSelection(None, {"a": CameraTopics(line_time_s=2e-5)})
+    assert [camera.line_time_s for camera in select_cameras(TYPES, selection)] == [2e-5]
 
 
 @pytest.mark.parametrize(
@@ -77,6 +96,10 @@ TYPES = {
         (
             CameraSelection(("a", "b")),
             r"no person poses of camera b; the bag has .*/a/person_poses",
+        ),
+        (
+            CameraSelection(None, {"b": CameraTopics(line_time_s=1e-5)}),
+            r"line_time_s of camera b: no person poses of it; the bag has .*/a/person_poses",
         ),
         (
             CameraSelection(None, {"b": CameraTopics("/a/image")}),

@@ -44,6 +44,8 @@ def calibration(numbers: list[float], rotation: Rotation, margin: float = math.i
             time_offset_stddev_s=float(a[41]),
             clock_skew=float(a[42]),
             clock_skew_stddev=math.nan,
+            line_time_s=c * float(a[67]),
+            line_time_stddev_s=float(a[68]) if c and margin == math.inf else math.nan,
         )
         for c, lens in enumerate(lenses)
     )
@@ -104,6 +106,12 @@ def test_file_says_which_way_transforms_point() -> None:
     text = result_text(calibration([1.0], Rotation.identity()))
     assert "x_ref = R x_cam + translation" in text
     assert "t_ref = t_cam + time_offset_s + clock_skew * (t_cam - epoch_s)" in text
+
+
+def test_line_times_are_written_where_there_are_some() -> None:
+    cameras = yaml.safe_load(result_text(calibration([0.5], Rotation.identity())))["cameras"]
+    assert cameras["cam1"]["line_time_s"] == 0.5
+    assert "line_time_s" not in cameras["cam0"]
 
 
 def test_form_of_the_interface() -> None:

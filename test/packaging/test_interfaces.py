@@ -24,7 +24,7 @@ PROMISED = {
     "msg/TimeOffset.msg": """
         std_msgs/Header header; string camera; string reference; float64 offset_s
         float64 offset_stddev_s; float64 skew; float64 skew_stddev; builtin_interfaces/Time epoch
-        float64 offset_frames""",
+        float64 offset_frames; float64 line_time_s; float64 line_time_stddev_s""",
     "msg/PersonAssociation.msg": """
         uint32 person_id; string[] cameras; uint32[] track_ids; float32 reprojection_rms_px
         float32 margin""",

@@ -38,6 +38,7 @@ def camera(name: str, seed: int) -> CameraCalibration:
         time_offset_s=rng.normal(),
         time_offset_stddev_s=0.002,
         clock_skew=1e-6 * seed,
+        line_time_s=1e-5 * (1 + seed),
     )
 
 

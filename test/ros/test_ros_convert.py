@@ -67,6 +67,8 @@ def test_clocks():
         assert offset.offset_stddev_s == camera.time_offset_stddev_s
         assert offset.skew == camera.clock_skew
         assert math.isnan(offset.skew_stddev)
+        assert offset.line_time_s == camera.line_time_s > 0.0
+        assert math.isnan(offset.line_time_stddev_s)
         assert (offset.epoch.sec, offset.epoch.nanosec) == (1_760_000_000, 250_000_000)
     assert message.time_offsets[0].offset_frames == record.cameras[0].time_offset_s * 30
     assert math.isnan(message.time_offsets[1].offset_frames)

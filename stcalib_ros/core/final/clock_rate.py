@@ -17,7 +17,7 @@ from stcalib_ros.core.reduction import CAMERA
 from stcalib_ros.core.rounds import ClockRates, Round
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
-_MAX_STDDEV = 10e-6
+MAX_STDDEV = 10e-6
 _SPAN_S = 0.5
 _MAX_SPANS = 120
 _PASSES = 3
@@ -48,7 +48,7 @@ def with_clock_rates(last: Round, o: BundleOptions) -> Round:
     for _ in range(_PASSES):
         spans = _spans(timed, middle)
         step, stddev = _rates(spans, timed.state, np.ones_like(told), trend)
-        told = np.nan_to_num(stddev, nan=np.inf) <= _MAX_STDDEV
+        told = np.nan_to_num(stddev, nan=np.inf) <= MAX_STDDEV
         told[0] = False
         if not told.any():
             return replace(last, clocks=ClockRates(total, _without_reference(stddev), middle))

@@ -96,7 +96,7 @@ def parts_of(o: Observations, s: BundleState, trunk: tuple[int, ...]) -> Iterato
                 part,
                 o.x[part].transpose(1, 3, 2, 0).copy(),
                 (o.focal[part] * s.used[part]).transpose(1, 2, 0).copy(),
-                o.phi[part].T.copy(),
+                o.elapsed(part).transpose(1, 2, 0).copy(),
                 s.V[part].transpose(2, 1, 0).copy(),
                 s.A[part].transpose(2, 1, 0).copy(),
                 R,

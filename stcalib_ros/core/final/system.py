@@ -35,8 +35,8 @@ class Part:
     x : (C, 2, J, n) ndarray
     focal : (C, J, n) ndarray
         0 where an image point does not take part.
-    phi : (C, n) ndarray
-        Time of the image after the knot, s.
+    phi : (C, J, n) or (C, 1, n) ndarray
+        Time of the image point after the knot, s.
     V, A : (3, J, n) ndarray
         Velocities and accelerations.
     R_ref_body : (3, 3, n) ndarray

@@ -47,7 +47,14 @@ def lift_views(recording: Recording, options: Options) -> Views:
     """
     turn = options.registration.method != "vmf" or options.vmf.turn_poses
     skeleton = common_skeleton(recording)
-    lifted = lift_recording(recording, skeleton, min_score=options.min_score, turn=turn)
+    lifted = lift_recording(
+        recording,
+        skeleton,
+        min_score=options.min_score,
+        turn=turn,
+        rows=options.estimate_line_time,
+        from_first_row=options.estimate_line_time and options.synchronised,
+    )
     return Views(skeleton, lifted)
 
 

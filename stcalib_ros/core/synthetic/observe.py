@@ -15,6 +15,7 @@ from stcalib_ros.core.synthetic.noise import child_rng
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.people import PersonMotion
 from stcalib_ros.core.synthetic.rigs import Rig, image_of
+from stcalib_ros.core.synthetic.shutter import joints_by_row
 from stcalib_ros.core.synthetic.skeleton import LAYOUT, MIRROR
 from stcalib_ros.core.types import BoolArray, CameraRecording, FloatArray, IntArray, Track
 
@@ -118,7 +119,8 @@ def observe(
     """
     lens, times = rig.intrinsics[camera], clock.exposures_s
     R, t = poses_over_time(rig.R_cam_world[camera], rig.t_cam_world[camera], times, changes)
-    truth = np.stack([person(times) @ R.swapaxes(1, 2) + t[:, None] for person in people], axis=1)
+    line_s = options.line_times(len(rig.names))[camera]
+    truth = np.stack([joints_by_row(p, times, R, t, lens, line_s) for p in people], axis=1)
     exact = image_of(truth, lens)
     keypoints, joints = np.empty_like(exact), np.empty_like(truth)
     draws = [child_rng(rng) for _ in people]

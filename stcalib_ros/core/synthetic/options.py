@@ -45,6 +45,9 @@ class SceneOptions:
         Standard deviation of stamps about the true times of exposure, cut at 0.45 frames.
     drop_rate : float
         Share of images that a camera loses.
+    line_time_s : float or tuple of float
+        Of rolling shutters, seconds per row; one for all, or one per camera. The recording does
+        not tell it.
     sigma_px : float
         Noise of key points, per axis.
     keypoint_bias_mm : float
@@ -89,6 +92,7 @@ class SceneOptions:
     skew_ppm: float = 0.0
     stamp_jitter_s: float = 0.0
     drop_rate: float = 0.0
+    line_time_s: float | tuple[float, ...] = 0.0
     sigma_px: float = 3.0
     keypoint_bias_mm: float = 0.0
     lifter_mm: tuple[float, float] = (30.0, 60.0)
@@ -120,7 +124,9 @@ class SceneOptions:
             raise InputError("focal_px, rig_scale and area_radius_m must be above 0")
         if self.people not in PEOPLE:
             raise InputError(f"people: expected one of {', '.join(PEOPLE)}, got {self.people!r}")
-        self.rates(self.n_cameras if self.rig is None else len(self.rig.names))
+        n = self.n_cameras if self.rig is None else len(self.rig.names)
+        self.rates(n)
+        self.line_times(n)
 
     def rates(self, n_cameras: int) -> tuple[float, ...]:
         """Frame rate of each camera, Hz."""
@@ -130,6 +136,16 @@ class SceneOptions:
         if not all(np.isfinite(r) and r > 0 for r in rates):
             raise InputError(f"fps must be above 0, got {self.fps}")
         return rates
+
+    def line_times(self, n_cameras: int) -> tuple[float, ...]:
+        """Line time of each camera, seconds per row."""
+        given = self.line_time_s
+        times = given if isinstance(given, tuple) else (given,) * n_cameras
+        if len(times) != n_cameras:
+            raise InputError(f"line_time_s: {len(times)} line times for {n_cameras} cameras")
+        if not all(np.isfinite(t) and t >= 0 for t in times):
+            raise InputError(f"line_time_s must be at least 0, got {given}")
+        return times
 
 
 _AT_LEAST = {

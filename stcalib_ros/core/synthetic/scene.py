@@ -43,7 +43,7 @@ class Scene:
     people : tuple of PersonMotion
         Joints in the world at any time of the reference clock (seconds since the epoch).
     exposures_s : tuple of (N,) ndarray
-        Per camera, the times of its images by the reference clock.
+        Per camera, the times of its images (of row 0) by the reference clock.
     track_persons : mapping of str to mapping of int to (F,) ndarray
         Per camera and track id, the true person in each frame of the track.
     """
@@ -110,7 +110,9 @@ def simulate(
     return Scene(
         options,
         recording,
-        true_calibration(rig, clocks, seen, recording.epoch_ns),
+        true_calibration(
+            rig, clocks, seen, recording.epoch_ns, line_times_s=options.line_times(len(rig.names))
+        ),
         rig,
         people,
         tuple(exposures),
@@ -140,12 +142,18 @@ def _clocks(rng: np.random.Generator, options: SceneOptions, n_cameras: int) -> 
 
 
 def true_calibration(
-    rig: Rig, clocks: Sequence[Clock], seen: Sequence[Sightings], epoch_ns: int
+    rig: Rig,
+    clocks: Sequence[Clock],
+    seen: Sequence[Sightings],
+    epoch_ns: int,
+    *,
+    line_times_s: Sequence[float] = (),
 ) -> Calibration:
     """True poses, clocks and persons, in the frame and clock of the first camera, metres."""
     R_ref_cam = rig.R_cam_world[0] @ rig.R_cam_world.swapaxes(1, 2)
     t_ref_cam = rig.centres_world @ rig.R_cam_world[0].T + rig.t_cam_world[0]
     R_ref_cam[0], t_ref_cam[0] = np.eye(3), 0.0
+    lines = line_times_s or (0.0,) * len(rig.names)
     cameras = tuple(
         CameraCalibration(
             name=name,
@@ -158,8 +166,9 @@ def true_calibration(
             time_offset_stddev_s=0.0,
             clock_skew=clocks[c].skew,
             clock_skew_stddev=0.0,
+            line_time_s=line_s,
         )
-        for c, name in enumerate(rig.names)
+        for (c, name), line_s in zip(enumerate(rig.names), lines, strict=True)
     )
     epoch_s = epoch_ns * 1e-9
     n_observations = sum(s.n_keypoints for s in seen)

@@ -12,6 +12,7 @@ from stcalib_ros.core.association import associate
 from stcalib_ros.core.averaging import Rig
 from stcalib_ros.core.geometry import bearings, project
 from stcalib_ros.core.lift import LiftedCamera, lift_recording
+from stcalib_ros.core.shutter import with_known_line_times
 from stcalib_ros.core.skeleton import common_skeleton
 from stcalib_ros.core.timeline import Interpolation, frame_period
 from stcalib_ros.core.types import (
@@ -110,7 +111,9 @@ def sight(recording: Recording, calibration: Calibration, *, min_score: float) -
     if len(cameras) < 2:
         return None
     poses = [known[camera.name] for camera in cameras]
-    thinned = replace(recording, cameras=cameras)
+    thinned = with_known_line_times(
+        replace(recording, cameras=cameras), {pose.name: pose.line_time_s for pose in poses}
+    )
     skeleton = common_skeleton(thinned)
     since_epoch_s = recording.epoch_ns * 1e-9 - calibration.epoch_s
     lifted = [

@@ -1,5 +1,7 @@
 """A span held to a calibration, and once more with what was found."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from core_helpers import EXACT, error
@@ -50,3 +52,17 @@ def test_nothing_is_refined_where_nothing_has_happened(scene):
     fit = fit_of(scene, scene.truth, "cam1")
     np.testing.assert_allclose(fit.change, 0.0, atol=1e-3)
     assert not fit.change[SHIFT].any()
+
+
+def test_a_rolling_shutter_that_the_calibration_knows_is_no_jump():
+    rolling = simulate(replace(EXACT, line_time_s=(0.0, 25e-6, 0.0, 0.0)))
+    known, unknown = (
+        fit_of(rolling, truth, "cam1").change[CLOCK]
+        for truth in (rolling.truth, without_line_times(rolling.truth))
+    )
+    assert known == pytest.approx(0.0, abs=4e-3)
+    assert abs(unknown) > 8e-3
+
+
+def without_line_times(truth):
+    return replace(truth, cameras=tuple(replace(c, line_time_s=0.0) for c in truth.cameras))

@@ -1,0 +1,44 @@
+"""Where joints are when a rolling shutter comes to the row that they are in."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stcalib_ros.core.geometry import project
+from stcalib_ros.core.synthetic.people import PersonMotion
+from stcalib_ros.core.types import FloatArray, Intrinsics
+
+_PASSES = 5
+"""Each leaves the share of the error that a joint's image moves by rows in a row's time."""
+
+
+def joints_by_row(
+    person: PersonMotion,
+    times: FloatArray,
+    R_cam_world: FloatArray,
+    t_cam_world: FloatArray,
+    lens: Intrinsics,
+    line_s: float,
+) -> FloatArray:
+    """Joints (T, J, 3) in the optical frame, each at the time of the row of its image.
+
+    Parameters
+    ----------
+    person : PersonMotion
+    times : (T,) ndarray
+        Of row 0, by the reference clock, seconds.
+    R_cam_world, t_cam_world : (T, 3, 3) and (T, 3) ndarray
+    lens : Intrinsics
+    line_s : float
+        Seconds per row; 0: all rows at once.
+    """
+    R_T, t = R_cam_world.swapaxes(1, 2), t_cam_world[:, None]
+    joints = np.asarray(person(times) @ R_T + t)
+    if line_s == 0.0:
+        return joints
+    for _ in range(_PASSES):
+        row = np.clip(np.nan_to_num(project(joints, lens)[..., 1]), 0.0, lens.height)
+        when = times[:, None] + line_s * row
+        world = np.stack([person(when[:, j])[:, j] for j in range(joints.shape[1])], axis=1)
+        joints = np.asarray(world @ R_T + t)
+    return joints

@@ -1,0 +1,130 @@
+"""What noise in the velocities does to the offsets.
+
+Velocities are read from joint positions that have noise. An image half a frame after its knot sees
+the joint where ``X + phi V`` puts it; with noise n in V the gradient by the offset holds
+``phi n^2``, which does not average out: offsets are drawn towards whole frames, by one or two
+standard deviations in ten seconds. How large n is follows from the normal equations of the joints:
+one sample of their noise, read like the velocities, is enough, as thousands of joints are summed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import eigvalsh
+
+from stcalib_ros.core import stba
+from stcalib_ros.core.observations import Observations
+from stcalib_ros.core.reduction import CAMERA, ReducedSystem, backward_solve, forward_solve
+from stcalib_ros.core.types import BoolArray, FloatArray
+
+_UNSURE = 10.0
+_MOST = 0.9
+_MOSTLY = 0.5
+_STEPS = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VelocityNoise:
+    """Share of the noise in the normal equations of the offsets, in units of `ReducedSystem`.
+
+    Attributes
+    ----------
+    H : (C, C) ndarray
+    g : (C,) ndarray
+        At the corrections of the offsets `shift_s`.
+    shift_s : (C,) ndarray
+    """
+
+    H: FloatArray
+    g: FloatArray
+    shift_s: FloatArray
+
+    def share(self, system: ReducedSystem) -> float:
+        """Largest part of what a system knows of any combination of offsets that is noise."""
+        offsets = CAMERA * np.arange(1, len(self.g)) + CAMERA - 1
+        H = system.H[np.ix_(offsets, offsets)]
+        H = H + 1e-12 * np.trace(H) * np.eye(len(H)) + 1e-30 * np.eye(len(H))
+        return float(eigvalsh(self.H[1:, 1:], H)[-1])
+
+    def taken_off(self, system: ReducedSystem, shift_s: FloatArray) -> ReducedSystem:
+        """The system without it, at other corrections (C,) of the offsets.
+
+        A tenth of what is known of any offset is left.
+        """
+        part = min(1.0, _MOST / max(self.share(system), 1e-30))
+        offsets = CAMERA * np.arange(len(self.g)) + CAMERA - 1
+        H, g = system.H.copy(), system.g.copy()
+        H[np.ix_(offsets, offsets)] -= part * self.H
+        g[offsets] -= part * (self.g + self.H @ (shift_s - self.shift_s))
+        return ReducedSystem(H, g)
+
+
+def well_placed(o: Observations, state: stba.BundleState) -> BoolArray:
+    """Joints (N, J) that are told well enough to read velocities from.
+
+    Those in line with the only two cameras that see them are not.
+    """
+    variance = np.full(state.X.shape[:2], np.inf)
+    flat = variance.reshape(-1)
+    for block, at in stba.PointProblem(o, state, np.inf, cost=0.0).linearised():
+        unit = np.eye(3)[:, :, None] * np.ones(len(block.points))
+        flat[block.points] = (forward_solve(at.unweighted_factors(), unit) ** 2).sum((0, 1))
+    known = np.isfinite(variance)
+    return np.asarray(known & (variance < _UNSURE * np.median(variance[known])))
+
+
+def velocity_noise(
+    o: Observations, state: stba.BundleState, present: BoolArray, scale: float
+) -> VelocityNoise:
+    """The noise of velocities that are read from joints `present` (N, J), Cauchy scale in px."""
+    problem = stba.PointProblem(o, state, scale, cost=0.0)
+    drawn = _signs(o, state.X.shape[1]).reshape(-1, 3)
+    noise = np.zeros_like(drawn)
+    for block, at in problem.linearised():
+        sample = backward_solve(at.unweighted_factors(), drawn[block.points].T)
+        noise[block.points] = scale / stba.CAUCHY * sample.T
+    V = stba.motion(o, noise.reshape(state.X.shape), present)[0].reshape(-1, 3)
+    C = len(state.t_cam_ref)
+    H, g = np.zeros((C, C)), np.zeros(C)
+    for block, at in problem.linearised():
+        h, y, _ = at.by_time(scale, V[block.points].T)
+        when = block.phi + state.shift_s[:, None]
+        flat = y.transpose(1, 0, 2).reshape(C, -1)
+        H += np.diag(h.sum(1)) - flat @ flat.T
+        g += (h * when).sum(1) - flat @ (y * when).sum(1).ravel()
+    return VelocityNoise(H, g, state.shift_s)
+
+
+def _signs(o: Observations, J: int) -> FloatArray:
+    """Random signs (N, J, 3), those of one knot the same for all persons, whatever their order."""
+    since = o.knot - o.knot.min()
+    drawn = np.random.default_rng(0).integers(0, 2, (int(since.max()) + 1, J, 3))
+    return np.asarray(2.0 * drawn[since] - 1.0)
+
+
+def settled(o: Observations, state: stba.BundleState) -> stba.BundleState:
+    """A state at its optimum, moved to where it would be without noise in the velocities.
+
+    As it is where most of what is known of some offset is noise.
+    """
+    scale = stba.robust_scale(stba.errors_px(o, state), state.used) * stba.CAUCHY
+    if state.synchronised or not scale > stba.CAUCHY * stba.MIN_SCALE_PX:
+        return state
+    present = well_placed(o, state)
+    moved, noise = _reread(o, state, present), None
+    for _ in range(_STEPS):
+        problem = stba.PointProblem(o, moved, scale, cost=0.0)
+        system, eliminated = problem.reduce(0.0)
+        noise = noise or velocity_noise(o, moved, present, scale)
+        if noise.share(system) > _MOSTLY:
+            return state
+        after, _ = problem.moved(noise.taken_off(system, moved.shift_s), eliminated)
+        moved = _reread(o, after.state_of(moved), present)
+    return moved
+
+
+def _reread(o: Observations, state: stba.BundleState, present: BoolArray) -> stba.BundleState:
+    V, A = stba.motion(o, state.X, present)
+    return replace(state, V=V, A=A)

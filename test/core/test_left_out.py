@@ -1,0 +1,63 @@
+"""Cameras that are left out, group by group, with what is said of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stcalib_ros.core.averaging import Rig
+from stcalib_ros.core.checks import Insufficient
+from stcalib_ros.core.hypotheses import PairHypothesis
+from stcalib_ros.core.left_out import LeftOut
+from stcalib_ros.core.rounds import Unconnected
+from stcalib_ros.core.types import Status
+
+NAMES = ["door", "desk", "wall", "roof", "gate"]
+
+
+@pytest.fixture
+def left_out():
+    return LeftOut(NAMES, offset_range_s=2.0)
+
+
+def tied(*pairs):
+    return [PairHypothesis(a, b, np.eye(3), np.ones(3), 0.0, ((0, 0),), 1.0) for a, b in pairs]
+
+
+def reasons(left_out):
+    return {camera.name: camera.reason for camera in left_out.cameras}
+
+
+def test_the_group_of_the_reference_is_kept_in_the_given_order(left_out):
+    kept = left_out.largest_group([4, 0, 1, 2, 3], tied((2, 4), (0, 1), (1, 3)))
+    assert kept == [4, 2]
+    assert reasons(left_out)["door"] == (
+        "shares nobody's motion with gate, wall; it forms a separate group with desk, roof"
+    )
+
+
+def test_without_company_the_reference_is_left_out_itself(left_out):
+    assert left_out.largest_group([0, 1, 2], tied((1, 2))) == [1, 2]
+    assert reasons(left_out) == {"door": "shares nobody's motion with desk, wall"}
+
+
+def test_no_ties_at_all_are_too_little(left_out):
+    with pytest.raises(Insufficient, match="agree within 2 s") as end:
+        left_out.largest_group([0, 1], [])
+    assert end.value.status is Status.INSUFFICIENT_DATA
+    assert [camera.name for camera in end.value.uncalibrated] == ["desk"]
+
+
+def test_a_part_of_a_rig_is_told_by_its_cameras(left_out):
+    rig = Rig(np.array([3, 1, 0]), np.tile(np.eye(3), (3, 1, 1)), np.eye(3), np.arange(3.0), 1.0)
+    part = left_out.largest_part(rig, Unconnected(((0, 2), (1,))))
+    assert part.cameras.tolist() == [3, 0]
+    assert list(reasons(left_out)) == ["desk"]
+    with pytest.raises(Insufficient, match="could not be matched"):
+        left_out.largest_part(rig, Unconnected(((0,), (1,), (2,))))
+
+
+def test_who_is_tried_again_is_not_left_out(left_out):
+    left_out.add([1, 3], "saw nobody")
+    left_out.take_back([3])
+    assert reasons(left_out) == {"desk": "saw nobody"}
