@@ -14,6 +14,7 @@ import numpy as np
 
 from stcalib_ros.core.agreement import bone_rotations, depth_ratios, usual_distances
 from stcalib_ros.core.contrast import offset_contrasts
+from stcalib_ros.core.doubles import seen_with_doubles
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.rounds import Round, image_points
 from stcalib_ros.core.skeleton import Skeleton
@@ -66,6 +67,8 @@ class CameraEvidence:
         How many times worse the best other offset, three frames or more away, fits.
     other_offset_s : float
         How far away that one is.
+    doubled : bool
+        It would fit at another place as well: everybody whom it sees moves like somebody else.
     """
 
     inliers: int
@@ -79,6 +82,7 @@ class CameraEvidence:
     depth_ratio: float
     offset_contrast: float
     other_offset_s: float
+    doubled: bool = False
 
     def complaint(self) -> str | None:
         """The first thing that is wrong, with its number and what would help; None if nothing."""
@@ -115,6 +119,11 @@ class CameraEvidence:
         return None
 
     def _mixed_up(self) -> str | None:
+        if self.doubled:
+            return (
+                "everybody whom it sees moves like somebody else at another place, and it fits "
+                "there as well: let everybody move in his own way"
+            )
         if not self.bone_rotation < MAX_BONE_ROTATION:
             return (
                 f"the bones of its 3D poses disagree with its rotation by "
@@ -185,6 +194,7 @@ def evidence(
     turned = bone_rotations(cameras, skeleton, last)
     depth = depth_ratios(cameras, last)
     depth /= np.nanmedian(depth) if np.isfinite(depth).any() else 1.0
+    doubled = seen_with_doubles(last)
     found = []
     for c in range(C):
         block = covariance[7 * c : 7 * c + 7, 7 * c : 7 * c + 7]
@@ -205,6 +215,7 @@ def evidence(
                 depth_ratio=float(depth[c]),
                 offset_contrast=float(contrast[c]) if asked and c else float("inf"),
                 other_offset_s=float(away_s[c]),
+                doubled=bool(doubled[c]),
             )
         )
     return tuple(found)

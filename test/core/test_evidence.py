@@ -55,6 +55,7 @@ def test_sound_evidence_gives_no_complaint():
         ({"offset_contrast": float("nan")}, "clock offset cannot be told"),
         ({"offset_stddev_frames": 2.5}, "clock offset is uncertain by 2.5 frames"),
         ({"offset_stddev_frames": float("inf")}, "clock offset is uncertain by inf frames"),
+        ({"doubled": True}, "everybody whom it sees moves like somebody else at another place"),
     ],
 )
 def test_every_weakness_is_said_with_its_number(change, says):
