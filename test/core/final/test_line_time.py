@@ -111,8 +111,7 @@ def test_what_is_known_of_a_line_time_is_where_the_search_begins(scene, found):
     lines = {camera.name: camera.line_time_s for camera in scene.truth.cameras}
     again = calibrate(with_known_line_times(scene.recording, lines), ESTIMATE)
     for one, other in zip(found.cameras, again.cameras, strict=True):
-        near = 0.5 * one.line_time_stddev_s
-        assert one.line_time_s == pytest.approx(other.line_time_s, abs=near)
+        assert one.line_time_s == pytest.approx(other.line_time_s, abs=one.line_time_stddev_s)
 
 
 def test_synchronised_clocks_hold_for_the_first_row():
