@@ -312,7 +312,8 @@ def _round(
         tolerance=tolerance,
         renew_velocities=last,
     )
-    state = put_back(observations, state, iterations=o.max_iterations)
+    if drop:
+        state = put_back(observations, state, iterations=o.max_iterations)
     if last:
         state = drop_outliers(observations, state, o)
     coverage = every_slot * J / observations.x.shape[2]
