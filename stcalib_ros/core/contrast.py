@@ -10,7 +10,7 @@ from stcalib_ros.core.agreement import relation
 from stcalib_ros.core.geometry import hat
 from stcalib_ros.core.rounds import Round
 from stcalib_ros.core.stba import at_images, persons_of
-from stcalib_ros.core.types import FloatArray, IntArray
+from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _FAR_FRAMES = 3
 _CONTRAST_SCALE = 2.0
@@ -18,10 +18,13 @@ _CONTRAST_JOINTS = 5
 _MIN_CONTRAST_POINTS = 60
 
 
-def offset_contrasts(last: Round, *, max_shift: int) -> tuple[FloatArray, FloatArray]:
+def offset_contrasts(
+    last: Round, *, max_shift: int, with_outliers: bool = False
+) -> tuple[FloatArray, FloatArray]:
     """Error (C,) of each camera's best other offset over its error at the offset found.
 
-    And how far away (C,) that one is, seconds.
+    And how far away (C,) that one is, seconds. Of the points that fit, or of all of the persons
+    `with_outliers`: those that do not fit here may do so there.
 
     The error is the epipolar distance to the points of the other cameras, shifted by whole
     knots: it owes nothing to the triangulated points. Where nobody moves, all shifts fit
@@ -32,7 +35,8 @@ def offset_contrasts(last: Round, *, max_shift: int) -> tuple[FloatArray, FloatA
     shifts = np.array([*(-d for d in reversed(far)), 0, *far])
     scale = _CONTRAST_SCALE * max(last.association.typical_px, 1.0)
     total, count = np.zeros((C, len(shifts))), np.zeros((C, len(shifts)))
-    for path in _image_paths(last):
+    taken = last.observations.seen if with_outliers else last.state.used
+    for path in _image_paths(last, taken):
         for a in range(C):
             for b in range(a + 1, C):
                 h = relation(last.rig, a, b)
@@ -70,10 +74,11 @@ def _shifted_costs(
     return cost, count
 
 
-def _image_paths(last: Round) -> Iterator[FloatArray]:
+def _image_paths(last: Round, taken: BoolArray) -> Iterator[FloatArray]:
     """Points (C, K, J, 4) of one person after the other: x, y, 1 on the plane z = 1 and focal.
 
-    Brought to the time of their knots by the motion model; a few joints; NaN where not used.
+    Brought to the time of their knots by the motion model; a few joints; NaN where not taken
+    (N, C, J).
     """
     o, state = last.observations, last.state
     joints = slice(None, None, max(1, o.x.shape[2] // _CONTRAST_JOINTS))
@@ -91,7 +96,7 @@ def _image_paths(last: Round) -> Iterator[FloatArray]:
             ],
             -1,
         )
-        points[~state.used[rows, :, joints]] = np.nan
+        points[~taken[rows, :, joints]] = np.nan
         knots = o.knot[rows] - o.knot[rows][0]
         path = np.full((points.shape[1], int(knots[-1]) + 1, *points.shape[2:]), np.nan)
         path[:, knots] = np.moveaxis(points, 1, 0)

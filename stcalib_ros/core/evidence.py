@@ -34,6 +34,8 @@ SURE_ROTATION_STDDEV = 0.005
 SURE_BONE_ROTATION = 0.1
 SURE_OFFSET_CONTRAST = 3.0
 MIN_OFFSET_CONTRAST = 1.2
+MANY_OUTLIERS = 0.2
+MIN_CONTRAST_WITH_OUTLIERS = 1.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +71,9 @@ class CameraEvidence:
         How far away that one is.
     doubled : bool
         It would fit at another place as well: everybody whom it sees moves like somebody else.
+    contrast_with_outliers : float
+        The contrast of its offset in all image points of associated persons, of the reference
+        camera's against all others, where many do not fit; else infinite.
     """
 
     inliers: int
@@ -83,6 +88,7 @@ class CameraEvidence:
     offset_contrast: float
     other_offset_s: float
     doubled: bool = False
+    contrast_with_outliers: float = float("inf")
 
     def complaint(self) -> str | None:
         """The first thing that is wrong, with its number and what would help; None if nothing."""
@@ -155,6 +161,12 @@ class CameraEvidence:
                 f"{MIN_OFFSET_CONTRAST:.2f} needed); people have to move more, and not in the same "
                 "rhythm all the time"
             )
+        if not self.contrast_with_outliers > MIN_CONTRAST_WITH_OUTLIERS:
+            return (
+                f"only {100 * self.inlier_share:.0f} % of its image points fit, and with another "
+                "clock offset all of them fit as well: people have to move more, and not in the "
+                "same rhythm all the time"
+            )
         if not self.offset_stddev_frames < MAX_OFFSET_STDDEV_FRAMES:
             return (
                 f"its clock offset is uncertain by {self.offset_stddev_frames:.1f} frames: "
@@ -186,8 +198,14 @@ def evidence(
     """
     C, frame_s = len(last.rig.cameras), last.observations.step_s
     asked = not last.rig.synchronised
-    contrast, away_s = offset_contrasts(last, max_shift=int(np.ceil(offset_range_s / frame_s)))
+    max_shift = int(np.ceil(offset_range_s / frame_s))
+    contrast, away_s = offset_contrasts(last, max_shift=max_shift)
     used, seen = last.state.used.sum((0, 2)), last.observations.seen.sum((0, 2))
+    inlier_share = used / np.maximum(seen, 1)
+    with_outliers = np.full(C, np.inf)
+    if asked and inlier_share.min() < 1.0 - MANY_OUTLIERS:
+        found_all, _ = offset_contrasts(last, max_shift=max_shift, with_outliers=True)
+        with_outliers = np.where(inlier_share < 1.0 - MANY_OUTLIERS, found_all, np.inf)
     shared = last.state.used.any(2).sum(0)
     total = image_points([cameras[c] for c in last.rig.cameras])
     reach = usual_distances(last)
@@ -205,7 +223,7 @@ def evidence(
         found.append(
             CameraEvidence(
                 inliers=int(used[c]),
-                inlier_share=float(used[c] / max(int(seen[c]), 1)),
+                inlier_share=float(inlier_share[c]),
                 explained=float(used[c] / max(int(total[c]), 1)),
                 shared_s=float(shared[c]) * frame_s,
                 rotation_stddev=worst[1],
@@ -216,6 +234,7 @@ def evidence(
                 offset_contrast=float(contrast[c]) if asked and c else float("inf"),
                 other_offset_s=float(away_s[c]),
                 doubled=bool(doubled[c]),
+                contrast_with_outliers=float(with_outliers[c]),
             )
         )
     return tuple(found)

@@ -55,6 +55,10 @@ def test_sound_evidence_gives_no_complaint():
         ({"offset_contrast": float("nan")}, "clock offset cannot be told"),
         ({"offset_stddev_frames": 2.5}, "clock offset is uncertain by 2.5 frames"),
         ({"offset_stddev_frames": float("inf")}, "clock offset is uncertain by inf frames"),
+        (
+            {"inlier_share": 0.75, "contrast_with_outliers": 1.02},
+            "only 75 % of its image points fit, and with another clock offset all of them",
+        ),
         ({"doubled": True}, "everybody whom it sees moves like somebody else at another place"),
     ],
 )
