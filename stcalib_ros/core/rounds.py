@@ -341,6 +341,16 @@ def image_points(members: Sequence[LiftedCamera]) -> IntArray:
     return np.array([sum(np.isfinite(t.x[..., 0]).sum() for t in m.tracks) for m in members])
 
 
+def readjusted(before: Round, observations: Observations, o: BundleOptions, *, last: bool) -> Round:
+    """A round whose images were taken at other times, adjusted to them from where it is."""
+    known = before.state.used.sum(1) >= 2
+    V, A = stba.motion(observations, before.state.X, known)
+    state = drop_outliers(observations, replace(before.state, V=V, A=A), o)
+    tolerance = _FINAL_TOLERANCE if last else _TOLERANCE
+    state = stba.adjust(observations, state, iterations=o.max_iterations, tolerance=tolerance)
+    return before.moved(observations, state)
+
+
 def drop_outliers(o: Observations, state: stba.BundleState, b: BundleOptions) -> stba.BundleState:
     """Leave out observations above three times the median error (Section IV)."""
     errors = stba.errors_px(o, state)

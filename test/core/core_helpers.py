@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from stcalib_ros.core.averaging import Rig
+from stcalib_ros.core.evidence import CameraEvidence
 from stcalib_ros.core.geometry import log_so3
 from stcalib_ros.core.lift import LiftedCamera, lift_recording
 from stcalib_ros.core.metrics import Evaluation, evaluate
@@ -36,6 +37,20 @@ SMALL = SceneOptions(n_frames=80, n_cameras=3, n_people=2, id_switches_per_10s=0
 """Cheap, with the errors of a usual detector and lifter."""
 
 HALF_SECOND = Options(offset_range_s=0.5)
+SOUND = CameraEvidence(
+    inliers=5000,
+    inlier_share=0.95,
+    explained=0.9,
+    shared_s=8.0,
+    rotation_stddev=0.001,
+    centre_stddev=0.002,
+    offset_stddev_frames=0.01,
+    bone_rotation=0.05,
+    depth_ratio=1.0,
+    offset_contrast=6.0,
+    other_offset_s=0.4,
+)
+"""Of a camera that nobody has to doubt."""
 
 Changes = Callable[[CameraRecording], CameraRecording]
 

@@ -6,28 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from core_helpers import HALF_SECOND, SMALL
+from core_helpers import HALF_SECOND, SMALL, SOUND
 
 from stcalib_ros.core.advice import shared_s, untold_clock_rates, weakest_camera
-from stcalib_ros.core.evidence import CameraEvidence
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.rounds import ClockRates
 from stcalib_ros.core.synthetic import simulate
 
 NAMES = ["cam0", "cam1", "cam2"]
-SOUND = CameraEvidence(
-    inliers=5000,
-    inlier_share=0.95,
-    explained=0.9,
-    shared_s=8.0,
-    rotation_stddev=0.001,
-    centre_stddev=0.002,
-    offset_stddev_frames=0.01,
-    bone_rotation=0.05,
-    depth_ratio=1.0,
-    offset_contrast=6.0,
-    other_offset_s=0.4,
-)
 
 
 @pytest.fixture(scope="module")

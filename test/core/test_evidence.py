@@ -5,25 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from core_helpers import HALF_SECOND, every, tracks_changed
+from core_helpers import HALF_SECOND, SOUND, every, tracks_changed
 
 from stcalib_ros.core.covariance import pose_covariance
-from stcalib_ros.core.evidence import CameraEvidence, evidence
+from stcalib_ros.core.evidence import evidence
 from stcalib_ros.core.pipeline import run_stages
-
-SOUND = CameraEvidence(
-    inliers=5000,
-    inlier_share=0.95,
-    explained=0.9,
-    shared_s=8.0,
-    rotation_stddev=0.001,
-    centre_stddev=0.002,
-    offset_stddev_frames=0.01,
-    bone_rotation=0.05,
-    depth_ratio=1.0,
-    offset_contrast=6.0,
-    other_offset_s=0.4,
-)
 
 
 def test_sound_evidence_gives_no_complaint():

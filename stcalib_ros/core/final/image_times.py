@@ -19,7 +19,7 @@ from stcalib_ros.core.final.regular import even_times
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import BundleOptions
 from stcalib_ros.core.reduction import CAMERA
-from stcalib_ros.core.rounds import Round, StampErrors, drop_outliers
+from stcalib_ros.core.rounds import Round, StampErrors, readjusted
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _DECISIVE = 10.0
@@ -207,12 +207,7 @@ def _adjusted(
     seen = first.observations.track >= 0
     phi = first.observations.phi + np.where(seen, correction_s, 0.0)
     observations = replace(first.observations, phi=phi)
-    known = timed.state.used.sum(1) >= 2
-    V, A = stba.motion(observations, timed.state.X, known)
-    state = drop_outliers(observations, replace(timed.state, V=V, A=A), o)
-    tolerance = 0.05 if last else 1.0
-    state = stba.adjust(observations, state, iterations=o.max_iterations, tolerance=tolerance)
-    return timed.moved(observations, state)
+    return readjusted(timed, observations, o, last=last)
 
 
 def _errors(images: _Images, correction_s: FloatArray, variance: FloatArray) -> StampErrors:

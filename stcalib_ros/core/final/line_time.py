@@ -19,7 +19,7 @@ from stcalib_ros.core.layouts import Layout
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.options import BundleOptions
 from stcalib_ros.core.reduction import CAMERA, Block, Cameras, row_blocks
-from stcalib_ros.core.rounds import LineTimes, Round, drop_outliers
+from stcalib_ros.core.rounds import LineTimes, Round, readjusted
 from stcalib_ros.core.shutter import MAX_READOUT_STDDEV_S
 from stcalib_ros.core.types import BoolArray, FloatArray
 
@@ -181,12 +181,7 @@ def _normal(timed: Round, state: stba.BundleState) -> _Normal:
 def _adjusted(timed: Round, line_s: FloatArray, o: BundleOptions, *, last: bool) -> Round:
     """The round with other line times, adjusted from where it is."""
     observations = replace(timed.observations, line_s=line_s)
-    known = timed.state.used.sum(1) >= 2
-    V, A = stba.motion(observations, timed.state.X, known)
-    state = drop_outliers(observations, replace(timed.state, V=V, A=A), o)
-    tolerance = 0.05 if last else 1.0
-    state = stba.adjust(observations, state, iterations=o.max_iterations, tolerance=tolerance)
-    return timed.moved(observations, state)
+    return readjusted(timed, observations, o, last=last)
 
 
 def _found(members: Sequence[LiftedCamera], timed: Round, told: BoolArray) -> LineTimes:
