@@ -22,7 +22,7 @@ _BLOCKS = 8
 """Stretches of a track that count as independent."""
 _SCATTER = 2.0
 """They are not quite: neighbours share slow errors of the poses."""
-_MAX_FRAMES = 300
+_MAX_FRAMES = 100
 _MIN_JOINTS = 6
 
 
@@ -40,12 +40,13 @@ def registration_deviations(
     torques: list[FloatArray] = []
     inertia = np.zeros((3, 3))
     misfits = []
+    period = frame_period(cam_b.stamps)
     for p, q in h.matches:
         track_a, track_b = _thinned(cam_a.tracks[p]), cam_b.tracks[q]
         at = Interpolation(
             cam_b.stamps[track_b.frames],
             cam_a.stamps[track_a.frames] + h.lag_s,
-            period=frame_period(cam_b.stamps),
+            period=period,
         )
         body_a, body_b = _centred(track_a.joints_cam, at(track_b.joints_cam) @ h.R_a_b.T)
         if not len(body_a):

@@ -67,6 +67,8 @@ class Eliminated:
         Normal equations of the cameras if the biases were known.
     inverse : (P, J, 3 B, 3 B) ndarray
         Covariance of the biases, cameras given.
+    told : (P, J, 3 B) ndarray
+        What the image points say about each of them: diagonal of their normal equations.
     gradient : (P, J, 3 B) ndarray
     mixed : (P, J, 3 B, 7 C) ndarray
     """
@@ -74,8 +76,20 @@ class Eliminated:
     system: ReducedSystem
     known: FloatArray
     inverse: FloatArray
+    told: FloatArray
     gradient: FloatArray
     mixed: FloatArray
+
+    def hints_at_biases(self) -> bool:
+        """Whether some harmonics of a small variance would explain the image points better.
+
+        At a fit without biases. The score test: the marginal likelihood rises with a variance
+        from zero on if the squares of the gradient are larger than noise makes them.
+        """
+        squares, told = (
+            v.reshape(-1, len(DEGREE_OF)).sum(0) for v in (self.gradient**2, self.told)
+        )
+        return any(squares[d == DEGREE_OF].sum() > told[d == DEGREE_OF].sum() for d in DEGREES)
 
     def taken(self, variance: FloatArray) -> FloatArray:
         """Degrees of freedom (B,) that the biases take up, by harmonic."""
@@ -135,18 +149,24 @@ class Problem:
             max(robust_scale(errors_px(o, s), s.used), MIN_SCALE_PX),
         )
 
-    def solve(self) -> Fit:
-        """Gauss-Newton steps, the strength of the priors estimated anew after each."""
+    def solve(self) -> tuple[Fit, Eliminated] | None:
+        """The optimum and the system there; None where nothing hints at biases.
+
+        By Gauss-Newton steps, the strength of the priors estimated anew after each.
+        """
         fit = self.start()
+        e = self.eliminate(fit)
+        if not e.hints_at_biases():
+            return None
         for _ in range(_ITERATIONS):
-            fit, length = self.step(fit)
+            fit, length = self.step(fit, e)
+            e = self.eliminate(fit)
             if length < _SETTLED:
                 break
-        return fit
+        return fit, e
 
-    def step(self, fit: Fit) -> tuple[Fit, float]:
-        """One step, and how many standard deviations the cameras moved."""
-        e = self.eliminate(fit)
+    def step(self, fit: Fit, e: Eliminated) -> tuple[Fit, float]:
+        """One step by the system there, and how many standard deviations the cameras moved."""
         d = -solve_reduced(e.system, fit.cameras.t, synchronised=self.state.synchronised)
         flat = d.ravel()
         d_bias = -np.einsum("pjab,pjb->pja", e.inverse, e.gradient + e.mixed @ flat)
@@ -200,6 +220,7 @@ class Problem:
         S /= fit.sigma_px**2
         precision = np.tile(1.0 / fit.variance, 3)
         own = slice(k, k + 3 * B)
+        told = np.diagonal(S[:, :, own, own], axis1=-2, axis2=-1)
         inverse = np.linalg.inv(S[:, :, own, own] + np.diag(precision))
         gradient = S[:, :, own, -1] + precision * fit.bias.reshape(P, J, 3 * B)
         mixed = S[:, :, own, :k]
@@ -207,7 +228,7 @@ class Problem:
         known = S[:, :, :k, :k].sum((0, 1))
         H = known - (gain @ mixed).sum((0, 1))
         g = S[:, :, :k, -1].sum((0, 1)) - np.einsum("pjkb,pjb->k", gain, gradient)
-        return Eliminated(ReducedSystem(H, g), known, inverse, gradient, mixed)
+        return Eliminated(ReducedSystem(H, g), known, inverse, told, gradient, mixed)
 
     def log_gain(self, fit: Fit, e: Eliminated) -> float:
         """By how much biases explain the image points better than none (Laplace).

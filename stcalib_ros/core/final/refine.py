@@ -72,8 +72,10 @@ def refine(
     if trunk is None:
         return None
     problem = Problem(*_thinned(last), trunk)
-    fit = problem.solve()
-    e = problem.eliminate(fit)
+    solved = problem.solve()
+    if solved is None:
+        return None
+    fit, e = solved
     gain = problem.log_gain(fit, e)
     if not gain > _DECISIVE:
         return None
