@@ -8,7 +8,7 @@ from stcalib_ros.core import stba
 from stcalib_ros.core.geometry import hat
 from stcalib_ros.core.observations import Observations
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
-from stcalib_ros.core.velocity_noise import velocity_noise, well_placed
+from stcalib_ros.core.velocity_noise import velocity_noise
 
 PARAMETERS = ("x", "y", "z", "rot_x", "rot_y", "rot_z", "time_offset_s")
 _LONGEST_SPAN = 150
@@ -48,7 +48,7 @@ def pose_covariance(o: Observations, state: stba.BundleState) -> FloatArray:
     scale = stba.CAUCHY * max(stba.robust_scale(errors, state.used), stba.MIN_SCALE_PX)
     variance = found / (len(free) - 1) * _curvature_lost(errors[state.used], scale) ** 2
     if not state.synchronised:
-        noise = velocity_noise(o, state, well_placed(o, state), scale)
+        noise = velocity_noise(o, state, scale)
         system = noise.taken_off(system, state.shift_s)
     return information_covariance(system.H / variance, state)
 

@@ -171,12 +171,12 @@ class Linearisation:
         diagonal = H_cc[:, range(CAMERA), range(CAMERA)].ravel()
         return ReducedSystem(H, g), diagonal, Eliminated(factors, z), T
 
-    def scores(self, scale: float) -> FloatArray:
-        """Reduced gradients (7 C, P) of the single points, without damping."""
-        _, _, eliminated, T = self.reduce(scale, 0.0)
+    def scores(self, scale: float) -> tuple[ReducedSystem, FloatArray]:
+        """The system without damping, and the reduced gradients (7 C, P) of the single points."""
+        system, _, eliminated, T = self.reduce(scale, 0.0)
         _, q = self._weighted(scale)
         direct = self._gradients(q).reshape(T.shape[1:])
-        return np.asarray(direct - np.einsum("kap,kp->ap", T, eliminated.z))
+        return system, np.asarray(direct - np.einsum("kap,kp->ap", T, eliminated.z))
 
     def by_time(
         self, scale: float, V: FloatArray | None = None
@@ -202,9 +202,8 @@ class Linearisation:
         m, q = self._weighted(scale)
         R_T = np.swapaxes(self.cameras.R, -1, -2)
         RV = self.RV if V is None else self.cameras.R @ V
-        N = self._image_rows(m)
-        pull = np.einsum("icjp,cjp->cip", N, RV, optimize=True)
-        factors = self._point_factors(N)
+        pull = self._pull(m, RV)
+        factors = self._point_factors(m)
         y = forward_solve(factors, (R_T @ pull).transpose(1, 0, 2).copy())
         z = forward_solve(factors, (R_T @ q).sum(0))
         g = (q * RV).sum(1) - (y * z[:, None]).sum(0)
@@ -212,20 +211,14 @@ class Linearisation:
 
     def unweighted_factors(self) -> tuple[FloatArray, ...]:
         """Cholesky factors of what the points are told by, all image points weighing alike."""
-        return self._point_factors(self._image_rows(self._weighted(np.inf)[0]))
+        return self._point_factors(self._weighted(np.inf)[0])
 
-    def _image_rows(self, m: FloatArray) -> FloatArray:
-        """Rows i of M, (3, C, 3, P)."""
-        N = np.empty((3, len(m), 3, m.shape[1]))
-        mu = m[:, None] * self.u
-        N[0, :, 0], N[0, :, 1], N[1, :, 0], N[1, :, 1] = m, 0.0, 0.0, m
-        N[0, :, 2], N[1, :, 2] = -mu[:, 0], -mu[:, 1]
-        N[2, :, :2], N[2, :, 2] = -mu, (mu * self.u).sum(1)
-        return N
-
-    def _point_factors(self, N: FloatArray) -> tuple[FloatArray, ...]:
-        R = self.cameras.R
-        return cholesky3(np.einsum("cai,acbp,cbj->ijp", R, N, R, optimize=True), 0.0)
+    def _point_factors(self, m: FloatArray) -> tuple[FloatArray, ...]:
+        """Cholesky factors of the sums of ``R^T M R`` over the cameras."""
+        R = self.cameras.R[..., None]
+        rows = R[:, :2] - self.u[:, :, None] * R[:, 2:]
+        A = (rows * np.sqrt(m)[:, None, None]).reshape(-1, 3, m.shape[1])
+        return cholesky3(np.einsum("njp,nkp->jkp", A, A), 0.0)
 
     def with_lines(self, scale: float) -> tuple[FloatArray, FloatArray]:
         """Normal equations of the cameras and of their line times, without damping.

@@ -324,14 +324,18 @@ def cluster_scores(
         Share of each cluster in the gradient; their sum is ``system.g``.
     """
     sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
-    problem = PointProblem(o, state, CAUCHY * sigma)
+    problem = PointProblem(o, state, CAUCHY * sigma, cost=0.0)
     labels, n = cluster.ravel(), int(cluster.max(initial=-1)) + 1
-    scores = np.zeros((CAMERA * len(state.t_cam_ref), n))
+    k = CAMERA * len(state.t_cam_ref)
+    H, g, scores = np.zeros((k, k)), np.zeros(k), np.zeros((k, n))
     for block, at in problem.linearised():
+        system, of_points = at.scores(problem.scale)
+        H += system.H
+        g += system.g
         mine = labels[block.points]
-        for k, one in enumerate(at.scores(problem.scale)):
-            scores[k] += np.bincount(mine, weights=one, minlength=n)
-    return problem.reduce(0.0)[0], scores
+        for one, sums in zip(of_points, scores, strict=True):
+            sums += np.bincount(mine, weights=one, minlength=n)
+    return ReducedSystem(H, g), scores
 
 
 class PointProblem:

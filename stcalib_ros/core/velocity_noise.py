@@ -35,11 +35,15 @@ class VelocityNoise:
     g : (C,) ndarray
         At the corrections of the offsets `shift_s`.
     shift_s : (C,) ndarray
+    present : (N, J) ndarray of bool
+        Joints that are told well enough to read velocities from: those in line with the only two
+        cameras that see them are not.
     """
 
     H: FloatArray
     g: FloatArray
     shift_s: FloatArray
+    present: BoolArray
 
     def share(self, system: ReducedSystem) -> float:
         """Largest part of what a system knows of any combination of offsets that is noise."""
@@ -61,31 +65,19 @@ class VelocityNoise:
         return ReducedSystem(H, g)
 
 
-def well_placed(o: Observations, state: stba.BundleState) -> BoolArray:
-    """Joints (N, J) that are told well enough to read velocities from.
-
-    Those in line with the only two cameras that see them are not.
-    """
-    variance = np.full(state.X.shape[:2], np.inf)
-    flat = variance.reshape(-1)
-    for block, at in stba.PointProblem(o, state, np.inf, cost=0.0).linearised():
-        unit = np.eye(3)[:, :, None] * np.ones(len(block.points))
-        flat[block.points] = (forward_solve(at.unweighted_factors(), unit) ** 2).sum((0, 1))
-    known = np.isfinite(variance)
-    return np.asarray(known & (variance < _UNSURE * np.median(variance[known])))
-
-
-def velocity_noise(
-    o: Observations, state: stba.BundleState, present: BoolArray, scale: float
-) -> VelocityNoise:
-    """The noise of velocities that are read from joints `present` (N, J), Cauchy scale in px."""
+def velocity_noise(o: Observations, state: stba.BundleState, scale: float) -> VelocityNoise:
+    """The noise of velocities that are read from the joints of a state, Cauchy scale in px."""
     problem = stba.PointProblem(o, state, scale, cost=0.0)
-    drawn = _signs(o, state.X.shape[1]).reshape(-1, 3)
-    noise = np.zeros_like(drawn)
+    variance, noise = np.full(state.used.shape[::2], np.inf), _signs(o, state.X.shape[1])
+    flat_variance, flat_noise = variance.reshape(-1), noise.reshape(-1, 3)
     for block, at in problem.linearised():
-        sample = backward_solve(at.unweighted_factors(), drawn[block.points].T)
-        noise[block.points] = scale / stba.CAUCHY * sample.T
-    V = stba.motion(o, noise.reshape(state.X.shape), present)[0].reshape(-1, 3)
+        factors = at.unweighted_factors()
+        unit = np.eye(3)[:, :, None] * np.ones(len(block.points))
+        flat_variance[block.points] = (forward_solve(factors, unit) ** 2).sum((0, 1))
+        flat_noise[block.points] = backward_solve(factors, flat_noise[block.points].T).T
+    known = np.isfinite(variance)
+    present = known & (variance < _UNSURE * np.median(variance[known]))
+    V = stba.motion(o, scale / stba.CAUCHY * noise, present)[0].reshape(-1, 3)
     C = len(state.t_cam_ref)
     H, g = np.zeros((C, C)), np.zeros(C)
     for block, at in problem.linearised():
@@ -94,7 +86,7 @@ def velocity_noise(
         flat = y.transpose(1, 0, 2).reshape(C, -1)
         H += np.diag(h.sum(1)) - flat @ flat.T
         g += (h * when).sum(1) - flat @ (y * when).sum(1).ravel()
-    return VelocityNoise(H, g, state.shift_s)
+    return VelocityNoise(H, g, state.shift_s, np.asarray(present))
 
 
 def _signs(o: Observations, J: int) -> FloatArray:
@@ -112,16 +104,15 @@ def settled(o: Observations, state: stba.BundleState) -> stba.BundleState:
     scale = stba.robust_scale(stba.errors_px(o, state), state.used) * stba.CAUCHY
     if state.synchronised or not scale > stba.CAUCHY * stba.MIN_SCALE_PX:
         return state
-    present = well_placed(o, state)
-    moved, noise = _reread(o, state, present), None
+    noise = velocity_noise(o, state, scale)
+    moved = _reread(o, state, noise.present)
     for _ in range(_STEPS):
         problem = stba.PointProblem(o, moved, scale, cost=0.0)
         system, eliminated = problem.reduce(0.0)
-        noise = noise or velocity_noise(o, moved, present, scale)
         if noise.share(system) > _MOSTLY:
             return state
         after, _ = problem.moved(noise.taken_off(system, moved.shift_s), eliminated)
-        moved = _reread(o, after.state_of(moved), present)
+        moved = _reread(o, after.state_of(moved), noise.present)
     return moved
 
 

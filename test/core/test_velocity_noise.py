@@ -10,7 +10,7 @@ from bundle_helpers import STEP_S, problem
 
 from stcalib_ros.core import stba
 from stcalib_ros.core.covariance import pose_covariance
-from stcalib_ros.core.velocity_noise import settled, velocity_noise, well_placed
+from stcalib_ros.core.velocity_noise import settled, velocity_noise
 
 PHASES = np.array([0.0, 0.4, -0.4]) * STEP_S
 SCALE = 2.0 * stba.CAUCHY
@@ -61,13 +61,12 @@ def test_offsets_are_no_longer_drawn_towards_whole_frames(repeated):
 
 def test_one_sample_says_how_large_the_noise_is(exact):
     o, truth = exact
-    present = well_placed(o, truth)
-    noise = velocity_noise(o, truth, present, SCALE)
+    noise = velocity_noise(o, truth, SCALE)
     np.testing.assert_allclose(noise.H, noise.H.T)
     found = []
     for seed in range(6):
         state = stba.adjust(noisy(o, seed), truth, iterations=5, tolerance=1e-3)
-        V = stba.motion(o, state.X - truth.X, present)[0].reshape(-1, 3)
+        V = stba.motion(o, state.X - truth.X, noise.present)[0].reshape(-1, 3)
         found.append(0.0)
         for block, at in stba.PointProblem(o, truth, SCALE, cost=0.0).linearised():
             h, y, _ = at.by_time(SCALE, V[block.points].T)
@@ -82,9 +81,8 @@ def test_the_order_of_persons_does_not_matter(exact):
     rows = np.r_[n : 2 * n, :n]
     other, state = o.only(rows), truth.only(rows)
     other = replace(other, person=(other.person + 4) % 8)
-    present = well_placed(o, truth)
-    one = velocity_noise(o, truth, present, SCALE)
-    two = velocity_noise(other, state, present[rows], SCALE)
+    one = velocity_noise(o, truth, SCALE)
+    two = velocity_noise(other, state, SCALE)
     np.testing.assert_allclose(two.H, one.H, rtol=1e-9)
     np.testing.assert_allclose(two.g, one.g, rtol=1e-9, atol=1e-9 * np.abs(one.g).max())
 
@@ -113,6 +111,6 @@ def test_a_joint_in_line_with_its_cameras_is_not_well_placed(exact):
     X[3, 2] = centres[1] + 3.0 * (centres[1] - centres[0])
     used = truth.used.copy()
     used[3, :, 2] = [True, True, False]
-    placed = well_placed(o, replace(truth, X=X, used=used))
+    placed = velocity_noise(o, replace(truth, X=X, used=used), SCALE).present
     assert not placed[3, 2]
     assert placed.mean() > 0.9
