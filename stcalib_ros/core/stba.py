@@ -333,8 +333,8 @@ def cluster_scores(
         H += system.H
         g += system.g
         mine = labels[block.points]
-        for one, sums in zip(of_points, scores, strict=True):
-            sums += np.bincount(mine, weights=one, minlength=n)
+        for i, one in enumerate(of_points):
+            scores[i] += np.bincount(mine, weights=one, minlength=n)
     return ReducedSystem(H, g), scores
 
 
