@@ -19,7 +19,7 @@ from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _FIRST_FLOOR_PX = 15.0
 _FLOOR_PX = 8.0
-_FINAL_TOLERANCE = 0.05
+_FINAL_TOLERANCE = 0.3
 _TOLERANCE = 1.0
 _MAX_POINTS_FIRST = 5000
 _MAX_POINTS_BETWEEN = 10_000

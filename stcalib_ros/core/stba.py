@@ -225,16 +225,17 @@ def adjust(
     problem = PointProblem(o, state, scale)
     least = _MIN_RENEWALS if renew_velocities else 0
     for step in range(iterations):
-        trial, length = problem.step(damping)
-        if trial.cost < problem.cost:
-            problem = trial
+        here = problem.reduce(damping)
+        there = problem.moved(here)
+        if there.cost < here.cost:
+            problem = there.problem
             damping = max(damping / 10.0, 1e-9)
             if renew_velocities:
                 state = problem.state_of(state)
                 V, A = motion(o, state.X, state.used.sum(1) >= 2)
                 state = replace(state, V=V, A=A)
                 problem = PointProblem(o, state, scale)
-            if length < tolerance and step >= least:
+            if there.length < tolerance and step >= least:
                 break
         else:
             damping *= 10.0
@@ -265,8 +266,8 @@ def reduced_by_group(
     H, g = [], []
     for k in range(int(group.max()) + 1):
         rows = np.flatnonzero(group == k)
-        problem = PointProblem(o.only(rows), state.only(rows), CAUCHY * sigma, cost=0.0)
-        system, _ = problem.reduce(0.0)
+        problem = PointProblem(o.only(rows), state.only(rows), CAUCHY * sigma)
+        system = problem.reduce(0.0).system
         H.append(system.H / sigma**2)
         g.append(system.g / sigma**2)
     return np.stack(H), np.stack(g)
@@ -291,7 +292,7 @@ def time_sums(
         Both in units of the noise of the image points, the points eliminated.
     """
     sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
-    problem = PointProblem(o, state, CAUCHY * sigma, cost=0.0)
+    problem = PointProblem(o, state, CAUCHY * sigma)
     K, C, J = int(group.max()) + 1, *o.seen.shape[1:]
     H, g = np.zeros((K, C, C)), np.zeros((K, C))
     for block, at in problem.linearised():
@@ -324,7 +325,7 @@ def cluster_scores(
         Share of each cluster in the gradient; their sum is ``system.g``.
     """
     sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
-    problem = PointProblem(o, state, CAUCHY * sigma, cost=0.0)
+    problem = PointProblem(o, state, CAUCHY * sigma)
     labels, n = cluster.ravel(), int(cluster.max(initial=-1)) + 1
     k = CAMERA * len(state.t_cam_ref)
     H, g, scores = np.zeros((k, k)), np.zeros(k), np.zeros((k, n))
@@ -338,19 +339,39 @@ def cluster_scores(
     return ReducedSystem(H, g), scores
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Reduced:
+    """The adjustment at one state: its robust cost, and the system with the points eliminated."""
+
+    cost: float
+    system: ReducedSystem
+    eliminated: Sequence[Eliminated]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moved:
+    """The adjustment after a step.
+
+    Attributes
+    ----------
+    problem : PointProblem
+    cost : float
+        Robust cost there.
+    length : float
+        How many standard deviations the cameras moved.
+    """
+
+    problem: PointProblem
+    cost: float
+    length: float
+
+
 class PointProblem:
     """The adjustment at one state of the unknowns; V, A and the choice of points are given."""
 
-    def __init__(
-        self,
-        o: Observations,
-        state: BundleState,
-        scale: float,
-        cost: float | None = None,
-    ) -> None:
+    def __init__(self, o: Observations, state: BundleState, scale: float) -> None:
         self.o, self.state, self.scale = o, state, scale
         self.cameras = Cameras(state.R_cam_ref, state.t_cam_ref, state.shift_s)
-        self.cost = sum(at.cost(scale) for _, at in self.linearised()) if cost is None else cost
 
     def blocks(self) -> Iterator[Block]:
         """All points, a block at a time."""
@@ -363,30 +384,24 @@ class PointProblem:
         for block in self.blocks():
             yield block, block.at(self.cameras, X[block.points])
 
-    def reduce(self, damping: float) -> tuple[ReducedSystem, list[Eliminated]]:
+    def reduce(self, damping: float) -> Reduced:
         """Eliminate the points."""
         n = CAMERA * len(self.cameras.t)
-        H, g, diagonal, eliminated = np.zeros((n, n)), np.zeros(n), np.zeros(n), []
+        H, g, diagonal, cost = np.zeros((n, n)), np.zeros(n), np.zeros(n), 0.0
+        eliminated = []
         for _, at in self.linearised():
             system, part, points, _ = at.reduce(self.scale, damping)
             H += system.H
             g += system.g
             diagonal += part
+            cost += at.cost(self.scale)
             eliminated.append(points)
         H[range(n), range(n)] += damping * diagonal
-        return ReducedSystem(H, g), eliminated
+        return Reduced(cost, ReducedSystem(H, g), eliminated)
 
-    def step(self, damping: float) -> tuple[PointProblem, float]:
-        """The problem after one damped step, and how many standard deviations the cameras moved.
-
-        The reference pose and the scale stay.
-        """
-        return self.moved(*self.reduce(damping))
-
-    def moved(
-        self, system: ReducedSystem, eliminated: Sequence[Eliminated]
-    ) -> tuple[PointProblem, float]:
-        """The problem after the step of a system, and how many deviations the cameras moved."""
+    def moved(self, by: Reduced) -> Moved:
+        """The problem after the step of a system; the reference pose and the scale stay."""
+        system = by.system
         d_camera = -solve_reduced(system, self.cameras.t, synchronised=self.state.synchronised)
         flat = d_camera.ravel()
         length = np.sqrt(max(float(flat @ system.H @ flat), 0.0)) * CAUCHY / self.scale
@@ -397,14 +412,14 @@ class PointProblem:
         )
         X, cost = self.state.X.copy(), 0.0
         flat_X = X.reshape(-1, 3)
-        for (block, at), points in zip(self.linearised(), eliminated, strict=True):
+        for (block, at), points in zip(self.linearised(), by.eliminated, strict=True):
             moved = at.followed(points, self.scale, d_camera)
             flat_X[block.points] = moved
             cost += block.at(cameras, moved).cost(self.scale)
         state = replace(
             self.state, R_cam_ref=cameras.R, t_cam_ref=cameras.t, shift_s=cameras.shift, X=X
         )
-        return PointProblem(self.o, state, self.scale, cost), float(length)
+        return Moved(PointProblem(self.o, state, self.scale), cost, float(length))
 
     def state_of(self, before: BundleState) -> BundleState:
         """The state, the scale put back exactly to what it was before."""

@@ -67,7 +67,7 @@ class VelocityNoise:
 
 def velocity_noise(o: Observations, state: stba.BundleState, scale: float) -> VelocityNoise:
     """The noise of velocities that are read from the joints of a state, Cauchy scale in px."""
-    problem = stba.PointProblem(o, state, scale, cost=0.0)
+    problem = stba.PointProblem(o, state, scale)
     variance, noise = np.full(state.used.shape[::2], np.inf), _signs(o, state.X.shape[1])
     flat_variance, flat_noise = variance.reshape(-1), noise.reshape(-1, 3)
     for block, at in problem.linearised():
@@ -107,12 +107,12 @@ def settled(o: Observations, state: stba.BundleState) -> stba.BundleState:
     noise = velocity_noise(o, state, scale)
     moved = _reread(o, state, noise.present)
     for _ in range(_STEPS):
-        problem = stba.PointProblem(o, moved, scale, cost=0.0)
-        system, eliminated = problem.reduce(0.0)
-        if noise.share(system) > _MOSTLY:
+        problem = stba.PointProblem(o, moved, scale)
+        reduced = problem.reduce(0.0)
+        if noise.share(reduced.system) > _MOSTLY:
             return state
-        after, _ = problem.moved(noise.taken_off(system, moved.shift_s), eliminated)
-        moved = _reread(o, after.state_of(moved), noise.present)
+        calm = replace(reduced, system=noise.taken_off(reduced.system, moved.shift_s))
+        moved = _reread(o, problem.moved(calm).problem.state_of(moved), noise.present)
     return moved
 
 

@@ -153,7 +153,7 @@ def test_the_gradient_is_that_of_the_robust_cost_where_points_are_optimal(rng):
 
     state = replace(state, X=best_points(state, state.X))
     problem_ = stba.PointProblem(p.o, state, scale)
-    g = problem_.reduce(0.0)[0].g
+    g = problem_.reduce(0.0).system.g
 
     def cost(v):
         return 0.5 * np.array(

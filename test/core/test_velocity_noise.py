@@ -68,7 +68,7 @@ def test_one_sample_says_how_large_the_noise_is(exact):
         state = stba.adjust(noisy(o, seed), truth, iterations=5, tolerance=1e-3)
         V = stba.motion(o, state.X - truth.X, noise.present)[0].reshape(-1, 3)
         found.append(0.0)
-        for block, at in stba.PointProblem(o, truth, SCALE, cost=0.0).linearised():
+        for block, at in stba.PointProblem(o, truth, SCALE).linearised():
             h, y, _ = at.by_time(SCALE, V[block.points].T)
             found[-1] = found[-1] + h.sum(1) - (y**2).sum((0, 2))
     # Weights of exact image points are one, those of noisy ones that moved the joints less.
