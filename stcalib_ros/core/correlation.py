@@ -17,6 +17,9 @@ from stcalib_ros.core.geometry import best_rotation_trace
 from stcalib_ros.core.timeline import GridTracks
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray, SingleArray
 
+_MOST_VALUES = 2_000_000
+"""Of a transform at once."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairCovariance:
@@ -72,8 +75,17 @@ def _presence(tracks: GridTracks) -> SingleArray:
 
 
 def _correlate(a: SingleArray, b: SingleArray, size: int, lags: IntArray) -> FloatArray:
-    """``sum_k a[k] @ b[k + lag]^T`` for every lag: (N, A, D), (N, B, D) to (A, B, L)."""
-    spectrum_a, spectrum_b = (fft.rfft(one, size, axis=0) for one in (a, b))
-    spectrum = np.conj(spectrum_a) @ spectrum_b.transpose(0, 2, 1)
-    series = fft.irfft(spectrum, size, axis=0)[lags % size]
-    return np.asarray(series.transpose(1, 2, 0), dtype=np.float64)
+    """``sum_k a[k] @ b[k + lag]^T`` for every lag: (N, A, D), (N, B, D) to (A, B, L).
+
+    Some of the A at a time: of all lags that the transforms give, few are kept.
+    """
+    A, B = a.shape[1], b.shape[1]
+    spectrum_b = fft.rfft(b, size, axis=0).transpose(0, 2, 1)
+    at_once = max(1, _MOST_VALUES // (size * B))
+    out = np.empty((A, B, len(lags)))
+    for begin in range(0, A, at_once):
+        rows = slice(begin, begin + at_once)
+        spectrum_a = np.conj(fft.rfft(a[:, rows], size, axis=0))
+        series = fft.irfft(spectrum_a @ spectrum_b, size, axis=0)
+        out[rows] = series[lags % size].transpose(1, 2, 0)
+    return out

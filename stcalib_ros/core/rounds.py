@@ -133,7 +133,7 @@ class Round:
         """The same persons after one more adjustment of the same images."""
         before = replace(self.rig, offset_s=self.rig.offset_s - self.state.shift_s)
         errors = stba.errors_px(observations, state)
-        median = float(np.median(errors[state.used & np.isfinite(errors)]))
+        median = stba.median_error(errors, state.used)
         return replace(
             self,
             rig=_rig_of(state, before),
@@ -331,7 +331,7 @@ def finish_round(
 ) -> Round:
     """The record of a round that started from a rig; `total` image points (C,) in all."""
     errors = stba.errors_px(observations, state)
-    median = float(np.median(errors[state.used & np.isfinite(errors)]))
+    median = stba.median_error(errors, state.used)
     share = float((state.used.sum((0, 2)) / np.maximum(total, 1)).min())
     return Round(_rig_of(state, rig), association, observations, state, median, coverage, share)
 
@@ -357,9 +357,8 @@ def drop_outliers(o: Observations, state: stba.BundleState, b: BundleOptions) ->
     inside = np.isfinite(errors) & o.seen
     if not inside.any():
         return replace(state, used=inside)
-    limit = max(
-        b.outlier_floor_px, b.outlier_factor * float(np.median(errors[inside & state.used]))
-    )
+    median = stba.median_error(errors, state.used)
+    limit = max(b.outlier_floor_px, b.outlier_factor * median)
     used = inside & (errors < limit)
     return replace(state, used=used & (used.sum(1) >= 2)[:, None])
 

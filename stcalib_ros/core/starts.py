@@ -18,6 +18,7 @@ _COMPLETE = 0.6
 _CLOSE = 0.3
 _DECISIVE = 0.1
 _OTHER_OFFSET_FRAMES = 3.0
+_SAME_OFFSET_FRAMES = 0.5
 _FIT_SCALE_PX = 12.0
 
 _Start = tuple[Round, tuple[UncalibratedCamera, ...]]
@@ -53,7 +54,7 @@ def best_start(
     best = max(fits)
     close = [s for s, fit in zip(starts, fits, strict=True) if fit >= best - _CLOSE * abs(best)]
     if len(close) > 1:
-        close = [_repeated(start, adjust, left_out) for start in close]
+        close = [_repeated(start, adjust, left_out) for start in _distinct(close)]
     fits = _fits(close)
     first, *others = np.argsort([-fit for fit in fits], kind="stable").tolist()
     start, left_out.cameras = close[first]
@@ -89,6 +90,22 @@ def _first_rounds(
     if why is not None and not starts:
         raise why
     return starts
+
+
+def _distinct(starts: Sequence[_Start]) -> list[_Start]:
+    """Those that did not come to where one that fits better came to."""
+    fits = _fits(starts)
+    kept: list[_Start] = []
+    for k in np.argsort([-fit for fit in fits], kind="stable").tolist():
+        if not any(_alike(starts[k][0], other) for other, _ in kept):
+            kept.append(starts[k])
+    return kept
+
+
+def _alike(one: Round, other: Round) -> bool:
+    """Whether two rounds of the same cameras have them in the same places, to half a frame."""
+    same = np.array_equal(one.rig.cameras, other.rig.cameras)
+    return same and not one.differing(other, _SAME_OFFSET_FRAMES * one.observations.step_s)
 
 
 def _repeated(start: _Start, adjust: Callable[[Rig], Round], left_out: LeftOut) -> _Start:

@@ -183,6 +183,12 @@ def _blocks(o: Observations) -> Iterator[slice]:
     return row_blocks(N, C * J)
 
 
+def median_error(errors: FloatArray, used: BoolArray) -> float:
+    """Median of the used and finite errors (N, C, J), px; NaN if there is none."""
+    chosen = errors[used & np.isfinite(errors)]
+    return float(np.median(chosen, overwrite_input=True)) if len(chosen) else float("nan")
+
+
 def robust_scale(errors: FloatArray, used: BoolArray) -> float:
     """Standard deviation (px, per axis) of the used observations (N, C, J), from their median.
 
@@ -193,7 +199,7 @@ def robust_scale(errors: FloatArray, used: BoolArray) -> float:
     if not known.any():
         return float("nan")
     share = 1.0 - 1.5 * float((known.sum(1) >= 2).sum()) / float(known.sum())
-    sigma = float(np.median(errors[known])) / RAYLEIGH_MEDIAN
+    sigma = median_error(errors, used) / RAYLEIGH_MEDIAN
     return sigma / float(np.sqrt(max(share, _LEAST_SHARE)))
 
 

@@ -27,9 +27,7 @@ class GridTracks:
     step : float
         Seconds between samples.
     oriented : (P, N, D, 3) ndarray
-        Weight times unit bone direction v in the optical frame; 0 where unknown.
-    weight : (P, N, D) ndarray
-        Square root of the bone's length; 0 where unknown.
+        Bone direction v in the optical frame, as long as its weight; 0 where unknown.
     position : (P, N, 3) ndarray
         Middle of the body in the optical frame, metres; NaN where unknown.
     """
@@ -38,8 +36,13 @@ class GridTracks:
     start: float
     step: float
     oriented: SingleArray
-    weight: SingleArray
     position: FloatArray
+
+    @property
+    def weight(self) -> SingleArray:
+        """Weights (P, N, D): square root of the bone's length; 0 where unknown."""
+        o = self.oriented
+        return np.asarray(np.sqrt(o[..., 0] ** 2 + o[..., 1] ** 2 + o[..., 2] ** 2))
 
     @property
     def present(self) -> BoolArray:
@@ -79,26 +82,21 @@ def tracks_on_grid(
     D = len(skeleton.directions)
     tracks = [_oriented(path, skeleton) for path in paths]
     oriented = np.zeros((len(tracks), n, D, 3), np.float32)
-    weight = np.zeros((len(tracks), n, D), np.float32)
     position = np.full((len(tracks), n, 3), np.nan)
     for p, columns in enumerate(tracks):
-        oriented[p], weight[p], position[p] = columns
-    return GridTracks(name, start, step, oriented, weight, position)
+        oriented[p], position[p] = columns
+    return GridTracks(name, start, step, oriented, position)
 
 
-def _oriented(joints: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Weighted directions (N, D, 3), weights (N, D) and positions (N, 3) of one track."""
+def _oriented(joints: FloatArray, skeleton: Skeleton) -> tuple[FloatArray, FloatArray]:
+    """Weighted directions (N, D, 3) and positions (N, 3) of one track."""
     bones = np.einsum("dj,njk->ndk", skeleton.directions, np.nan_to_num(joints))
     missing = np.einsum("dj,nj->nd", skeleton.directions != 0, np.isnan(joints[..., 0]))
     length = np.linalg.norm(bones, axis=-1)
     known = (missing == 0) & (length > 1e-6)
     typical = np.sqrt([np.median(length[k, d]) if k.any() else 0.0 for d, k in enumerate(known.T)])
-    share = known * typical
-    return (
-        bones * (share / np.maximum(length, 1e-6))[..., None],
-        share,
-        joints_centre(joints, skeleton),
-    )
+    share = known * typical / np.maximum(length, 1e-6)
+    return bones * share[..., None], joints_centre(joints, skeleton)
 
 
 def joints_centre(joints: FloatArray, skeleton: Skeleton) -> FloatArray:

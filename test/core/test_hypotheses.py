@@ -36,7 +36,6 @@ def only(tracks, rows):
         tracks.start,
         tracks.step,
         tracks.oriented[rows],
-        tracks.weight[rows],
         tracks.position[rows],
     )
 
@@ -46,10 +45,7 @@ def joined(*grids):
         grids[0].name,
         grids[0].start,
         grids[0].step,
-        *(
-            np.concatenate([getattr(g, n) for g in grids])
-            for n in ("oriented", "weight", "position")
-        ),
+        *(np.concatenate([getattr(g, n) for g in grids]) for n in ("oriented", "position")),
     )
 
 
@@ -113,8 +109,8 @@ def test_a_lag_out_of_range_is_not_found(exact_lifted):
 def test_a_track_matches_all_fragments_of_its_person(pair):
     a, b = pair
     begin, end = only(b, [0]), only(b, [0])
-    begin.oriented[:, 50:], begin.weight[:, 50:], begin.position[:, 50:] = 0, 0, np.nan
-    end.oriented[:, :55], end.weight[:, :55], end.position[:, :55] = 0, 0, np.nan
+    begin.oriented[:, 50:], begin.position[:, 50:] = 0, np.nan
+    end.oriented[:, :55], end.position[:, :55] = 0, np.nan
     whole = register(a, b)[0]
     person = next(p for p, q in whole.matches if q == 0)
     broken = register(a, joined(begin, end, only(b, [1, 2])))[0]
@@ -167,8 +163,8 @@ def test_nobody_is_no_hypothesis(pair):
 
 def test_people_at_other_times_are_no_hypothesis(pair):
     a, b = only(pair[0], [0, 1, 2]), only(pair[1], [0, 1, 2])
-    a.oriented[:, 30:], a.weight[:, 30:], a.position[:, 30:] = 0, 0, np.nan
-    b.oriented[:, :60], b.weight[:, :60], b.position[:, :60] = 0, 0, np.nan
+    a.oriented[:, 30:], a.position[:, 30:] = 0, np.nan
+    b.oriented[:, :60], b.position[:, :60] = 0, np.nan
     assert register(a, b) == ()
 
 
@@ -176,5 +172,5 @@ def test_people_at_other_times_are_no_hypothesis(pair):
 def test_twelve_shared_samples_are_needed(pair, shared):
     a, b = only(pair[0], [0, 1, 2]), pair[1]
     end = 10 + shared
-    a.oriented[:, end:], a.weight[:, end:], a.position[:, end:] = 0, 0, np.nan
+    a.oriented[:, end:], a.position[:, end:] = 0, np.nan
     assert bool(register(a, b)) == (shared >= 12)

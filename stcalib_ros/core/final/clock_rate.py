@@ -21,6 +21,8 @@ MAX_STDDEV = 10e-6
 _SPAN_S = 0.5
 _MAX_SPANS = 120
 _PASSES = 3
+_SETTLED = 0.1
+_TOLERANCE = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +56,8 @@ def with_clock_rates(last: Round, o: BundleOptions) -> Round:
             return replace(last, clocks=ClockRates(total, _without_reference(stddev), middle))
         step, stddev_told = _rates(spans, timed.state, told, trend)
         stddev = np.where(told, stddev_told, stddev)
+        if timed is not last and (np.abs(step) < _SETTLED * stddev)[told].all():
+            break
         total = total + np.where(told, step, 0.0)
         timed = _adjusted(last, start.phi + _since(last, middle)[:, None] * total, timed, o)
     return replace(timed, clocks=ClockRates(total, _without_reference(stddev), middle))
@@ -122,5 +126,5 @@ def _adjusted(last: Round, phi: FloatArray, timed: Round, o: BundleOptions) -> R
     observations = replace(last.observations, phi=phi)
     V, A = stba.motion(observations, timed.state.X, timed.state.used.sum(1) >= 2)
     state = replace(timed.state, V=V, A=A)
-    state = stba.adjust(observations, state, iterations=o.max_iterations, tolerance=0.05)
+    state = stba.adjust(observations, state, iterations=o.max_iterations, tolerance=_TOLERANCE)
     return timed.moved(observations, state)
