@@ -53,8 +53,9 @@ def best_start(
     fits = _fits(starts)
     best = max(fits)
     close = [s for s, fit in zip(starts, fits, strict=True) if fit >= best - _CLOSE * abs(best)]
+    close = _distinct(close)
     if len(close) > 1:
-        close = [_repeated(start, adjust, left_out) for start in _distinct(close)]
+        close = [_repeated(start, adjust, left_out) for start in close]
     fits = _fits(close)
     first, *others = np.argsort([-fit for fit in fits], kind="stable").tolist()
     start, left_out.cameras = close[first]
