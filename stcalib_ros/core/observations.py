@@ -1,8 +1,9 @@
 """The image points of associated persons, laid out for bundle adjustment.
 
 World time is cut at uniform knots. Every image of every camera belongs to the knot nearest
-to it by the present offsets; the rest, at most half a step, is left to the linear motion
-model ``X + phi V`` (Section IV).
+to it by the present offsets, or to the one beside it that has none, where jitter put two images
+next to one knot; the rest, half a step or little more, is left to the motion model
+``X + phi V`` (Section IV).
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ from stcalib_ros.core.association import Association
 from stcalib_ros.core.averaging import Rig
 from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+
+_FURTHEST = 0.75
+"""Steps from an image to its knot."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,14 +142,30 @@ def _images(
 ) -> _Images:
     """All images of associated persons of one camera, with the knots they belong to."""
     parts = []
+    times = camera.stamps + rig.offset_s[i]
+    elapsed = times - association.start_s
+    knots = nearest_knots(elapsed / step_s)
+    late = elapsed - knots * step_s
     for p, track in enumerate(camera.tracks):
-        times = camera.stamps[track.frames] + rig.offset_s[i]
-        person = association.person_of[i][p][association.slot(times)]
+        person = association.person_of[i][p][association.slot(times[track.frames])]
         use = person >= 0
-        elapsed = times[use] - association.start_s
-        knot = np.rint(elapsed / step_s).astype(np.int64)
-        phi = elapsed - knot * step_s
-        index = np.full(len(knot), p, dtype=np.int64)
-        part = (person[use], knot, phi, index, track.x[use], track.focal[use])
+        frames = track.frames[use]
+        index = np.full(len(frames), p, dtype=np.int64)
+        part = (person[use], knots[frames], late[frames], index, track.x[use], track.focal[use])
         parts.append(part if track.rows is None else (*part, track.rows[use]))
     return _Images(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def nearest_knots(position: FloatArray) -> IntArray:
+    """Knots of the images of a camera at increasing positions (F,), in steps.
+
+    Of two images next to one knot, the earlier one moves to the knot before if that has none and
+    is less than three quarters of a step away, or else the later one to the knot after.
+    """
+    knot: IntArray = np.rint(position).astype(np.int64)
+    for first, way in ((0, -1), (1, 1)):
+        movable = np.flatnonzero(knot[1:] == knot[:-1]) + first
+        to = knot[movable] + way
+        free = ~np.isin(to, knot) & (np.abs(position[movable] - to) < _FURTHEST)
+        knot[movable[free]] = to[free]
+    return knot

@@ -168,8 +168,11 @@ def residuals_px(
 
 
 def errors_px(o: Observations, state: BundleState) -> FloatArray:
-    """Reprojection errors (N, C, J), px; NaN where nothing was seen or no point is known."""
-    out = np.empty(o.seen.shape)
+    """Reprojection errors (N, C, J), px; NaN where nothing was seen or no point is known.
+
+    As precise as the image points are.
+    """
+    out = np.empty(o.seen.shape, o.x.dtype)
     for rows in _blocks(o):
         r = residuals_px(o, state, rows)[0]
         known = o.seen[rows] & (state.used[rows].sum(1) >= 2)[:, None]

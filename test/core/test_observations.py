@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from core_helpers import EXACT, lifted, true_rig
+from hypothesis import given
+from hypothesis import strategies as st
 
 from stcalib_ros.core.association import associate
-from stcalib_ros.core.observations import observe
+from stcalib_ros.core.observations import nearest_knots, observe
 from stcalib_ros.core.synthetic import simulate
 from stcalib_ros.core.timeline import common_step, frame_period
 
@@ -38,10 +40,41 @@ def frames_of(observed, c):
     return rows, frames, o.track[rows, c]
 
 
-def test_images_are_within_half_a_step_of_their_knot(observed):
+def test_images_are_within_half_a_step_of_their_knot_or_little_more(observed):
     o = observed[-1]
-    assert np.abs(o.phi[o.track >= 0]).max() <= o.step_s / 2 + 1e-12
+    away = np.abs(o.phi[o.track >= 0])
+    assert away.max() < 0.75 * o.step_s
+    assert (away <= o.step_s / 2 + 1e-12).mean() > 0.95
     assert not o.phi[o.track < 0].any()
+
+
+def test_without_jitter_the_knot_is_the_nearest():
+    position = np.arange(40) + 0.49
+    np.testing.assert_array_equal(nearest_knots(position), np.arange(40))
+    twice = np.arange(0, 40, 0.5) + 0.2
+    np.testing.assert_array_equal(nearest_knots(twice), np.rint(twice))
+
+
+def test_an_image_gives_way_to_another_if_the_knot_beside_it_has_none():
+    position = np.array([0.0, 1.6, 2.4, 3.6, 4.45, 6.6, 7.3, 8.0])
+    np.testing.assert_array_equal(nearest_knots(position), [0, 1, 2, 3, 4, 6, 7, 8])
+    # Too far from the free knot; and a later one that moves on.
+    np.testing.assert_array_equal(nearest_knots(np.array([2.1, 2.2, 3.0])), [2, 2, 3])
+    np.testing.assert_array_equal(nearest_knots(np.array([1.0, 2.1, 2.4])), [1, 2, 3])
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-0.5, 0.5), st.floats(0.0, 0.25), st.floats(0.0, 0.3))
+def test_images_with_jitter_lose_fewer_knots(seed, shift, jitter, lost):
+    rng = np.random.default_rng(seed)
+    position = np.arange(200) + shift + np.clip(rng.normal(0.0, jitter, 200), -0.49, 0.49)
+    position = np.sort(position[rng.uniform(size=200) >= lost])
+    knot, nearest = nearest_knots(position), np.rint(position)
+    assert len(np.unique(knot)) >= len(np.unique(nearest))
+    assert (np.diff(knot) >= 0).all()
+    moved = np.flatnonzero(knot != nearest)
+    assert (np.abs(position - knot)[moved] < 0.75).all()
+    shared = np.bincount((nearest + 1).astype(int))[(nearest[moved] + 1).astype(int)]
+    assert (shared > 1).all()
 
 
 def test_no_image_is_used_twice(observed):
@@ -100,7 +133,8 @@ def test_of_two_images_near_a_knot_the_nearer_is_taken(observed):
             times = camera.stamps[track.frames] + rig.offset_s[c]
             person = association.person_of[c][p, association.slot(times)]
             elapsed = times - o.start_s
-            knot = np.rint(elapsed / o.step_s).astype(int)
+            own = nearest_knots((camera.stamps + rig.offset_s[c] - o.start_s) / o.step_s)
+            knot = own[track.frames]
             away = np.abs(elapsed - knot * o.step_s)
             for key, phi in zip(zip(person, knot, strict=True), away, strict=True):
                 if key in row_of:

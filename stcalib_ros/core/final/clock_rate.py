@@ -38,7 +38,8 @@ def with_clock_rates(last: Round, o: BundleOptions) -> Round:
     """A round with the rates of its clocks, adjusted to them where the recording tells them.
 
     A rate counts as told if its predicted standard deviation is at most 10 ppm: usual clocks
-    differ by a few ten.
+    differ by a few ten. Where stamps have errors of their own, the line through these is no rate
+    of a clock; the images are put where they belong if they tell that better than the stamps do.
     """
     if last.state.synchronised:
         return last
@@ -46,21 +47,26 @@ def with_clock_rates(last: Round, o: BundleOptions) -> Round:
     total = np.zeros(len(last.rig.cameras))
     stddev, told = total, total > 0.0
     trend = total if last.stamps is None else last.stamps.rate_variance
+    trend = trend + trend[0]
     timed = last
     for _ in range(_PASSES):
         spans = _spans(timed, middle)
-        step, stddev = _rates(spans, timed.state, np.ones_like(told), trend)
-        told = np.nan_to_num(stddev, nan=np.inf) <= MAX_STDDEV
-        told[0] = False
-        if not told.any():
-            return replace(last, clocks=ClockRates(total, _without_reference(stddev), middle))
-        step, stddev_told = _rates(spans, timed.state, told, trend)
-        stddev = np.where(told, stddev_told, stddev)
-        if timed is not last and (np.abs(step) < _SETTLED * stddev)[told].all():
+        step, own = _rates(spans, timed.state, np.ones_like(told))
+        own = np.nan_to_num(own, nan=np.inf)
+        stddev = np.hypot(own, np.sqrt(trend))
+        told = stddev <= MAX_STDDEV
+        known = told | (own**2 < trend)
+        told[0] = known[0] = False
+        if not known.any():
             break
-        total = total + np.where(told, step, 0.0)
+        step, own = _rates(spans, timed.state, known)
+        stddev = np.where(told, np.hypot(own, np.sqrt(trend)), stddev)
+        if timed is not last and (np.abs(step) < _SETTLED * own)[known].all():
+            break
+        total = total + np.where(known, step, 0.0)
         timed = _adjusted(last, start.phi + _since(last, middle)[:, None] * total, timed, o)
-    return replace(timed, clocks=ClockRates(total, _without_reference(stddev), middle))
+    skew = np.where(told, total, 0.0)
+    return replace(timed, clocks=ClockRates(skew, _without_reference(stddev), middle))
 
 
 def _without_reference(stddev: FloatArray) -> FloatArray:
@@ -89,12 +95,11 @@ def _spans(last: Round, middle_s: float) -> _Spans:
 
 
 def _rates(
-    spans: _Spans, state: stba.BundleState, free: BoolArray, trend: FloatArray
+    spans: _Spans, state: stba.BundleState, free: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Steps (C,) of the rates from where they are, and their standard deviations.
 
-    The deviation is the larger one of that of independent noise and of what the spans differ by,
-    and of the variances (C,) of the trends of stamps besides.
+    The deviation is the larger one of that of independent noise and of what the spans differ by.
     """
     C = len(free)
     k = CAMERA * C
@@ -118,7 +123,7 @@ def _rates(
     if n > 2 * len(index):
         spread = inverse @ (U.T @ U) @ inverse * n / (n - len(index))
         variance[index] = np.maximum(variance[index], np.diag(spread))
-    return step[k:], np.sqrt(variance[k:] + trend + trend[0])
+    return step[k:], np.sqrt(variance[k:])
 
 
 def _adjusted(last: Round, phi: FloatArray, timed: Round, o: BundleOptions) -> Round:

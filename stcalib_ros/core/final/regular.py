@@ -13,6 +13,8 @@ _OFF = 0.1
 _FINE = 0.1
 _PHASES = 8
 _PASSES = 10
+_UNEVEN = 0.4
+"""Of a period: deviation of stamps that tell no even times."""
 
 
 def even_times(stamps: FloatArray) -> FloatArray:
@@ -42,26 +44,47 @@ def _line(since: FloatArray) -> FloatArray:
     power = np.abs(np.exp(2j * np.pi * np.outer(rates, since)).sum(1))
     turns = rates[int(power.argmax())] * since
     fits = [_settled(since, turns - phase) for phase in np.arange(_PHASES) / _PHASES]
-    number, line = min(fits, key=lambda fit: _badness(since, *fit))
-    if (np.diff(number) < 1).any():
-        return np.zeros_like(since)
-    return line - since
+    best = min(fits, key=lambda correction: float(correction @ correction))
+    return best if best.std() < _UNEVEN * period else np.zeros_like(since)
 
 
-def _settled(since: FloatArray, turns: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Numbers of the images, and the even times, from a guess of the number of periods."""
-    number: IntArray = np.rint(turns).astype(np.int64)
+def _settled(since: FloatArray, turns: FloatArray) -> FloatArray:
+    """Corrections to even times, from a guess of the number of periods."""
+    number = _numbers(turns)
     line = since
     for _ in range(_PASSES):
         slope, start = np.polyfit(number, since, 1)
         line = slope * number + start
-        again: IntArray = np.rint((since - start) / slope).astype(np.int64)
+        again = _numbers((since - start) / slope)
         if np.array_equal(again, number):
             break
         number = again
-    return number, line
+    return np.asarray(line - since)
 
 
-def _badness(since: FloatArray, number: IntArray, line: FloatArray) -> tuple[int, float]:
-    """Images that share a number, then how far the stamps are from even ones."""
-    return int((np.diff(number) < 1).sum()), float(((line - since) ** 2).sum())
+def _numbers(turns: FloatArray) -> IntArray:
+    """Whole numbers nearest to increasing ones that grow by one at least from image to image.
+
+    What they are ahead of the count of the images must not fall: an isotonic regression, whose
+    rounded solution is the best one in whole numbers.
+    """
+    nearest: IntArray = np.rint(turns).astype(np.int64)
+    if (np.diff(nearest) > 0).all():
+        return nearest
+    count = np.arange(len(turns))
+    return np.asarray(count + np.rint(_isotonic(turns - count)), dtype=np.int64)
+
+
+def _isotonic(values: FloatArray) -> FloatArray:
+    """The nearest values that do not fall (least squares): neighbours that do are pooled."""
+    means: list[float] = []
+    sizes: list[int] = []
+    for value in values.tolist():
+        mean, size = float(value), 1
+        while means and means[-1] > mean:
+            n = sizes.pop()
+            mean = (means.pop() * n + mean * size) / (n + size)
+            size += n
+        means.append(mean)
+        sizes.append(size)
+    return np.repeat(means, sizes)
