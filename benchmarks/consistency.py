@@ -25,7 +25,7 @@ from stcalib_ros.core.types import Calibration, CameraCalibration, FloatArray, S
 from stcalib_ros.io.mocap import shipped_clips
 
 _BLOCKS = ("rotation", "centre", "offset")
-_BOUNDS = {"default": (0.7, 1.5), "bias": (0.5, 3.0)}
+_BOUNDS = {"default": (0.7, 1.5), "bias": (0.5, 3.0), "rates": (0.5, 3.0)}
 _RANK = 1e-6
 
 

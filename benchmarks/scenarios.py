@@ -120,7 +120,7 @@ SCENARIOS = (
         "rates",
         "the default scenes at 30, 25, 60 and 30 fps, 10 % of images lost, 5 ms of jitter",
         SceneOptions(seed=1000, fps=(30.0, 25.0, 60.0, 30.0), drop_rate=0.1, stamp_jitter_s=0.005),
-        20,
+        30,
         Fraction(19, 20),
         beside="default",
     ),
