@@ -19,19 +19,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.sparse import csr_array
 
 from stcalib_ros.core import stba
 from stcalib_ros.core.covariance import information_covariance
 from stcalib_ros.core.observations import Observations
 from stcalib_ros.core.reduction import CAMERA, Block, Cameras, row_blocks
+from stcalib_ros.core.splines import banded, basis, second_differences, summed, summed_squares
 from stcalib_ros.core.types import BoolArray, FloatArray
 
 Path = Callable[[FloatArray, int], FloatArray]
 """Joints (T, P, J, 3) in the reference frame at times (T,), or their n-th derivative by time."""
 
-_PIECE = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) / 6.0
-"""Coefficients, by power of the fraction of a step, of the four B-splines that are not zero."""
 _RIDGE = 1e-12
 _LEAST_ACCELERATION = 1e-3
 
@@ -238,18 +236,15 @@ def _spline_equations(views: Views, path: Path) -> tuple[FloatArray, FloatArray,
     N = np.zeros((4, K, P * J, 3, 3))
     for c, at in enumerate(position):
         by_camera, by_joint = _derivatives(views, path, c)
-        basis = _basis(at)
         H[:, c, :, c] = np.einsum("tpra,tprb->ab", by_camera, by_camera, optimize=True)
-        W[..., c] = _summed(at, K, basis, by_joint.swapaxes(-1, -2) @ by_camera)
-        square = by_joint.swapaxes(-1, -2) @ by_joint
-        for d in range(4):
-            N[d] += _summed(at, K, basis[: 4 - d] * basis[d:], square)
+        W[..., c] = summed(at, K, basis(at), by_joint.swapaxes(-1, -2) @ by_camera)
+        N += summed_squares(at, K, by_joint.swapaxes(-1, -2) @ by_joint)
     N += _prior(views, path, K)
     N[0] += _RIDGE * np.trace(N[0], axis1=-2, axis2=-1).mean(0)[:, None, None] * np.eye(3)
     order = np.arange((CAMERA + 1) * C).reshape(CAMERA + 1, C)
     order = np.concatenate([order[:CAMERA].T.ravel(), order[CAMERA]])
     W = W.transpose(1, 0, 2, 3, 4).reshape(P * J, 3 * K, -1)
-    return H.reshape(len(order), -1)[np.ix_(order, order)], W[..., order], _banded(N)
+    return H.reshape(len(order), -1)[np.ix_(order, order)], W[..., order], banded(N)
 
 
 def _derivatives(views: Views, path: Path, c: int) -> tuple[FloatArray, FloatArray]:
@@ -272,40 +267,13 @@ def _derivatives(views: Views, path: Path, c: int) -> tuple[FloatArray, FloatArr
     return np.concatenate([*columns, (since * by_offset)[..., None]], -1), rows @ R
 
 
-def _basis(position: FloatArray) -> FloatArray:
-    """The four B-splines (4, T) that are not zero at positions in units of the step."""
-    return np.asarray(_PIECE @ (position % 1.0) ** np.arange(4)[:, None])
-
-
-def _summed(position: FloatArray, K: int, weight: FloatArray, values: FloatArray) -> FloatArray:
-    """Sums (K, ...) of values (T, ...) to the coefficients they depend on, by weights (n, T)."""
-    n, T = weight.shape
-    row = position.astype(int) + np.arange(n)[:, None]
-    sums = csr_array((weight.ravel(), (row.ravel(), np.tile(np.arange(T), n))), shape=(K, T))
-    return np.asarray(sums @ values.reshape(T, -1)).reshape(K, *values.shape[1:])
-
-
 def _prior(views: Views, path: Path, K: int) -> FloatArray:
     """Normal equations (4, K, P J, 3, 3) of second differences, by the true accelerations."""
     knots = np.asarray(views.start_s + views.step_s * np.arange(K - 2), dtype=np.float64)
     A = path(knots, 2).reshape(K - 2, -1, 3)
     variance = np.maximum((A**2).mean((0, 2)), _LEAST_ACCELERATION**2) * views.step_s**4
-    second = np.array([1.0, -2.0, 1.0])
-    out = np.zeros((4, K))
-    for d in range(3):
-        for i in range(3 - d):
-            out[d, i : K - 2 + i] += second[i] * second[i + d]
-    return np.asarray(out[:, :, None, None, None] * np.eye(3) / variance[:, None, None])
-
-
-def _banded(N: FloatArray) -> FloatArray:
-    """Lower diagonals (M, 12, 3 K) of blocks (4, K, M, 3, 3) on and beside the diagonal."""
-    _, K, M, _, _ = N.shape
-    band = np.zeros((M, 12, 3 * K))
-    for d, i, j in np.ndindex(4, 3, 3):
-        if 3 * d + j - i >= 0:
-            band[:, 3 * d + j - i, i::3] = N[d, :, :, i, j].T
-    return band
+    pattern = second_differences(K)[:, :, None, None, None]
+    return np.asarray(pattern * np.eye(3) / variance[:, None, None])
 
 
 def _floor(views: Views, H: FloatArray) -> Floor:

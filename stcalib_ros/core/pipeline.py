@@ -27,6 +27,7 @@ from stcalib_ros.core.final.clock_rate import with_clock_rates
 from stcalib_ros.core.final.image_times import added_covariance, with_image_times
 from stcalib_ros.core.final.line_time import refine_with_line_times, with_line_times
 from stcalib_ros.core.final.refine import refine
+from stcalib_ros.core.final.spline import with_splines
 from stcalib_ros.core.hypotheses import PairHypothesis
 from stcalib_ros.core.left_out import LeftOut
 from stcalib_ros.core.lift import LiftedCamera
@@ -342,7 +343,7 @@ class _Run:
         state = put_back(last.observations, last.state, iterations=bundle.max_iterations)
         if state is last.state:
             state = settled(last.observations, state)
-        last = last.moved(last.observations, state)
+        last = with_splines(self.lifted, last.moved(last.observations, state), bundle)
         covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
         if last.lines is not None:
             covariance = covariance + last.lines.added

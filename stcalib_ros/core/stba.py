@@ -34,7 +34,7 @@ from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 CAUCHY = 2.385
 RAYLEIGH_MEDIAN = 1.17741
 MIN_SCALE_PX = 0.5
-_LEAST_SHARE = 0.2
+LEAST_SHARE = 0.2
 _MIN_RENEWALS = 4
 _HALF_WINDOW_S = 0.2
 _MIN_HALF_WINDOW = 6
@@ -203,7 +203,7 @@ def robust_scale(errors: FloatArray, used: BoolArray) -> float:
         return float("nan")
     share = 1.0 - 1.5 * float((known.sum(1) >= 2).sum()) / float(known.sum())
     sigma = median_error(errors, used) / RAYLEIGH_MEDIAN
-    return sigma / float(np.sqrt(max(share, _LEAST_SHARE)))
+    return sigma / float(np.sqrt(max(share, LEAST_SHARE)))
 
 
 def adjust(
