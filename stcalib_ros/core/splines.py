@@ -44,6 +44,8 @@ def values(position: FloatArray, coefficients: FloatArray, derivative: int = 0) 
 def summed(position: FloatArray, K: int, weight: FloatArray, of: FloatArray) -> FloatArray:
     """Sums (K, ...) of values (T, ...) to the coefficients they depend on, by weights (n, T)."""
     n, T = weight.shape
+    if not T:
+        return np.zeros((K, *of.shape[1:]))
     row = first_of(position) + np.arange(n)[:, None]
     sums = csr_array((weight.ravel(), (row.ravel(), np.tile(np.arange(T), n))), shape=(K, T))
     return np.asarray(sums @ of.reshape(T, -1)).reshape(K, *of.shape[1:])

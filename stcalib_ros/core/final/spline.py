@@ -163,13 +163,17 @@ def trajectories(
     out = []
     for rows in stba.persons_of(o):
         at = _positions(o, rows, spacing)
-        squares = (state.A[rows] ** 2).sum(-1) * known[rows]
-        square = squares.sum(0) / np.maximum(known[rows].sum(0), 1) / 3.0
+        told = known[rows]
+        if not told.any():
+            out.append(_of_nobody(len(cameras.t), at, told.shape[1]))
+            continue
+        squares = (state.A[rows] ** 2).sum(-1) * told
+        square = squares.sum(0) / np.maximum(told.sum(0), 1) / 3.0
         square = np.maximum(square, 1e-3 * square.max() + 1e-30)
         precision = (sigma / (_ACCELERATION * step_s**2)) ** 2 / square
-        depth = np.linalg.norm(state.X[rows], axis=-1)[known[rows]]
+        depth = np.linalg.norm(state.X[rows], axis=-1)[told]
         gain = float(np.median(o.focal[rows][o.seen[rows]]) / np.median(depth))
-        coefficients = _through(at, state.X[rows], gain**2 * known[rows], precision)
+        coefficients = _through(at, state.X[rows], gain**2 * told, precision)
         sights = []
         for c in range(len(cameras.t)):
             there = np.flatnonzero(o.track[rows, c] >= 0)
@@ -177,10 +181,21 @@ def trajectories(
             seen = o.seen[rows][there, c]
             sight = Sight(position, x[rows][there, c], o.focal[rows][there, c] * seen)
             away = _look(sight, cameras, c, coefficients, step_s, np.inf).r
-            inside = ((away**2).sum(-1) < limit**2) & known[rows][there]
+            inside = ((away**2).sum(-1) < limit**2) & told[there]
             sights.append(replace(sight, focal=sight.focal * inside))
         out.append(Trajectories(tuple(sights), coefficients, precision))
     return tuple(out)
+
+
+def _of_nobody(C: int, position: FloatArray, J: int) -> Trajectories:
+    """Of a person of whom nothing fits: no points."""
+    nothing = Sight(np.zeros(0), np.zeros((0, J, 2)), np.zeros((0, J)))
+    coefficients = np.zeros((_n_coefficients(position), J, 3))
+    return Trajectories((nothing,) * C, coefficients, np.ones(J))
+
+
+def _n_coefficients(position: FloatArray) -> int:
+    return int(position[-1]) + splines.SUPPORT + _MARGIN
 
 
 def _positions(o: Observations, rows: slice, spacing: float) -> FloatArray:
@@ -204,7 +219,7 @@ def _through(
     position: FloatArray, X: FloatArray, weight: FloatArray, precision: FloatArray
 ) -> FloatArray:
     """Coefficients (K, J, 3) of splines through points (N, J, 3) of some weight (N, J)."""
-    K = int(position[-1]) + splines.SUPPORT + _MARGIN
+    K = _n_coefficients(position)
     N = splines.summed_squares(position, K, weight[..., None, None] * np.eye(3))
     right = splines.summed(position, K, splines.basis(position), weight[..., None] * X)
     factors = _factors(N + _prior(K, precision))
@@ -290,6 +305,8 @@ def noise(cameras: Cameras, people: Sequence[Trajectories], *, step_s: float) ->
             errors.append(np.sqrt((r**2).sum(-1))[sight.focal > 0.0])
     every = np.concatenate(errors)
     unknown = 1.5 * sum(one.coefficients[..., 0].size for one in people)
+    if not len(every):
+        return float("inf")
     share = max(1.0 - unknown / len(every), stba.LEAST_SHARE)
     return float(np.median(every)) / stba.RAYLEIGH_MEDIAN / float(np.sqrt(share))
 

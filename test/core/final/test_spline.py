@@ -16,7 +16,7 @@ from stcalib_ros.core.final.spline import Sight, Trajectories, eliminate, solve,
 from stcalib_ros.core.geometry import exp_so3
 from stcalib_ros.core.metrics import evaluate
 from stcalib_ros.core.options import BundleOptions
-from stcalib_ros.core.pipeline import calibrate
+from stcalib_ros.core.pipeline import calibrate, run_stages
 from stcalib_ros.core.reduction import Cameras
 from stcalib_ros.core.synthetic import simulate
 
@@ -144,6 +144,26 @@ def test_cameras_of_several_rates_gain():
         )
     # Four seconds: offsets gain, poses lose nothing.
     assert (np.median(ratios, 0) < [1.1, 1.1, 0.9]).all()
+
+
+def test_who_is_seen_by_some_cameras_or_by_none_is_no_obstacle():
+    s = simulate(replace(MIXED, seed=1))
+    stages = run_stages(s.recording)
+    last = stages.rounds[-1]
+    o, used, track = last.observations, last.state.used.copy(), last.observations.track.copy()
+    seen = o.seen.copy()
+    first, second = (np.flatnonzero(o.person == p) for p in np.unique(o.person)[:2])
+    used[first] = False
+    for array in (used, seen):
+        array[second, 1] = False
+    track[second, 1] = -1
+    used[second] &= (used[second].sum(1) >= 2)[:, None]
+    state = replace(last.state, used=used)
+    changed = replace(last, observations=replace(o, seen=seen, track=track), state=state)
+    found = with_splines(stages.lifted, changed, BundleOptions())
+    assert found is not changed
+    assert np.isfinite(found.state.X).all()
+    np.testing.assert_allclose(found.rig.t_ref_cam, last.rig.t_ref_cam, atol=0.05)
 
 
 def test_motion_that_splines_do_not_hold_is_left_to_free_points(monkeypatch):
