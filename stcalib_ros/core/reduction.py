@@ -217,7 +217,8 @@ class Linearisation:
         """Cholesky factors of the sums of ``R^T M R`` over the cameras."""
         R = self.cameras.R[..., None]
         rows = R[:, :2] - self.u[:, :, None] * R[:, 2:]
-        A = (rows * np.sqrt(m)[:, None, None]).reshape(-1, 3, m.shape[1])
+        C, P = m.shape
+        A = (rows * np.sqrt(m)[:, None, None]).reshape(2 * C, 3, P)
         return cholesky3(np.einsum("njp,nkp->jkp", A, A), 0.0)
 
     def with_lines(self, scale: float) -> tuple[FloatArray, FloatArray]:

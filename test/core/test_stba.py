@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from stcalib_ros.core import reduction, stba
 from stcalib_ros.core.averaging import Rig
 from stcalib_ros.core.geometry import rotation_angle
+from stcalib_ros.core.velocity_noise import velocity_noise
 
 
 def robust(r, scale):
@@ -162,6 +163,23 @@ def test_the_gradient_is_that_of_the_robust_cost_where_points_are_optimal(rng):
 
     numeric = jacobian(cost, 7 * C, 1e-7)[0]
     np.testing.assert_allclose(g, numeric, rtol=1e-3, atol=2e-4 * np.abs(numeric).max())
+
+
+def test_points_of_which_nothing_is_used_change_no_sums(rng, monkeypatch):
+    p = problem(rng, people=2, missing=0)
+    used = p.truth.used & (p.o.person == 1)[:, None, None]
+    state = replace(p.truth, used=used)
+    monkeypatch.setattr(reduction, "_BLOCK", 1)
+    group = np.zeros(len(p.o.person), dtype=int)
+    rows = p.o.person == 1
+    alone, its = p.o.only(rows), state.only(rows)
+    for found, true in zip(
+        stba.time_sums(p.o, state, group),
+        stba.time_sums(alone, its, group[rows]),
+        strict=True,
+    ):
+        np.testing.assert_allclose(found, true)
+    assert velocity_noise(p.o, state, 3.0).present[rows].any()
 
 
 def test_the_step_solves_the_system_with_reference_and_first_baseline_fixed(rng):
