@@ -24,7 +24,7 @@ from stcalib_ros.core import stba
 from stcalib_ros.core.covariance import information_covariance
 from stcalib_ros.core.observations import Observations
 from stcalib_ros.core.reduction import CAMERA, Block, Cameras, row_blocks
-from stcalib_ros.core.splines import banded, basis, second_differences, summed, summed_squares
+from stcalib_ros.core.splines import banded, basis, smoothness, summed, summed_squares
 from stcalib_ros.core.types import BoolArray, FloatArray
 
 Path = Callable[[FloatArray, int], FloatArray]
@@ -272,8 +272,7 @@ def _prior(views: Views, path: Path, K: int) -> FloatArray:
     knots = np.asarray(views.start_s + views.step_s * np.arange(K - 2), dtype=np.float64)
     A = path(knots, 2).reshape(K - 2, -1, 3)
     variance = np.maximum((A**2).mean((0, 2)), _LEAST_ACCELERATION**2) * views.step_s**4
-    pattern = second_differences(K)[:, :, None, None, None]
-    return np.asarray(pattern * np.eye(3) / variance[:, None, None])
+    return smoothness(K, 1.0 / variance)
 
 
 def _floor(views: Views, H: FloatArray) -> Floor:

@@ -357,10 +357,13 @@ def drop_outliers(o: Observations, state: stba.BundleState, b: BundleOptions) ->
     inside = np.isfinite(errors) & o.seen
     if not inside.any():
         return replace(state, used=inside)
-    median = stba.median_error(errors, state.used)
-    limit = max(b.outlier_floor_px, b.outlier_factor * median)
-    used = inside & (errors < limit)
+    used = inside & (errors < outlier_limit_px(errors, state.used, b))
     return replace(state, used=used & (used.sum(1) >= 2)[:, None])
+
+
+def outlier_limit_px(errors: FloatArray, used: BoolArray, b: BundleOptions) -> float:
+    """Error above which an image point is an outlier, by the median of the used ones."""
+    return max(b.outlier_floor_px, b.outlier_factor * stba.median_error(errors, used))
 
 
 def connected(used: BoolArray, total: IntArray) -> list[tuple[int, ...]]:

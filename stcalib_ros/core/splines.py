@@ -59,6 +59,12 @@ def summed_squares(position: FloatArray, K: int, of: FloatArray) -> FloatArray:
     )
 
 
+def smoothness(K: int, precision: FloatArray) -> FloatArray:
+    """Blocks (4, K, M, 3, 3) that keep second differences of curves small, by precisions (M,)."""
+    pattern = second_differences(K)[:, :, None, None, None]
+    return np.asarray(pattern * np.eye(3) * precision[:, None, None])
+
+
 def second_differences(K: int) -> FloatArray:
     """Normal equations (4, K), diagonal and beside it, of ``c_k - 2 c_k+1 + c_k+2`` of K."""
     second = np.array([1.0, -2.0, 1.0])

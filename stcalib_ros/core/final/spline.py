@@ -22,7 +22,7 @@ from stcalib_ros.core.lift import LiftedCamera
 from stcalib_ros.core.observations import Observations, nearest_knots
 from stcalib_ros.core.options import BundleOptions
 from stcalib_ros.core.reduction import CAMERA, NEAREST, Cameras, ReducedSystem
-from stcalib_ros.core.rounds import Round
+from stcalib_ros.core.rounds import Round, outlier_limit_px
 from stcalib_ros.core.types import FloatArray
 
 _ENOUGH = 0.95
@@ -157,8 +157,7 @@ def trajectories(
     """
     x, step_s = _at_times_of_images(o, state), spacing * o.step_s
     cameras = Cameras(state.R_cam_ref, state.t_cam_ref, state.shift_s)
-    median = stba.median_error(stba.errors_px(o, state), state.used)
-    limit = max(b.outlier_floor_px, b.outlier_factor * median)
+    limit = outlier_limit_px(stba.errors_px(o, state), state.used, b)
     known = state.used.sum(1) >= 2
     out = []
     for rows in stba.persons_of(o):
@@ -222,14 +221,8 @@ def _through(
     K = _n_coefficients(position)
     N = splines.summed_squares(position, K, weight[..., None, None] * np.eye(3))
     right = splines.summed(position, K, splines.basis(position), weight[..., None] * X)
-    factors = _factors(N + _prior(K, precision))
+    factors = _factors(N + splines.smoothness(K, precision))
     return _solved(factors, right[..., None])[..., 0]
-
-
-def _prior(K: int, precision: FloatArray) -> FloatArray:
-    """Normal equations (4, K, J, 3, 3) of small second differences."""
-    pattern = splines.second_differences(K)[:, :, None, None, None]
-    return np.asarray(pattern * precision[:, None, None] * np.eye(3))
 
 
 def _factors(N: FloatArray) -> tuple[FloatArray, ...]:
@@ -298,15 +291,16 @@ def noise(cameras: Cameras, people: Sequence[Trajectories], *, step_s: float) ->
 
     As `stba.robust_scale` has it: a coefficient takes three of their coordinates.
     """
+    seen = [one for one in people if any(sight.focal.any() for sight in one.sights)]
+    if not seen:
+        return float("inf")
     errors = []
-    for one in people:
+    for one in seen:
         for c, sight in enumerate(one.sights):
             r = _look(sight, cameras, c, one.coefficients, step_s, np.inf).r
             errors.append(np.sqrt((r**2).sum(-1))[sight.focal > 0.0])
     every = np.concatenate(errors)
-    unknown = 1.5 * sum(one.coefficients[..., 0].size for one in people)
-    if not len(every):
-        return float("inf")
+    unknown = 1.5 * sum(one.coefficients[..., 0].size for one in seen)
     share = max(1.0 - unknown / len(every), stba.LEAST_SHARE)
     return float(np.median(every)) / stba.RAYLEIGH_MEDIAN / float(np.sqrt(share))
 
@@ -316,7 +310,7 @@ def eliminate(one: Trajectories, cameras: Cameras, step_s: float, sigma: float) 
     K, J, _ = one.coefficients.shape
     k = CAMERA * len(cameras.t)
     H, g = np.zeros((k, k)), np.zeros(k)
-    N, W = _prior(K, one.precision), np.zeros((K, J, 3, k + 1))
+    N, W = splines.smoothness(K, one.precision), np.zeros((K, J, 3, k + 1))
     W[..., -1] = _pull(one)
     for c, sight in enumerate(one.sights):
         s = _look(sight, cameras, c, one.coefficients, step_s, stba.CAUCHY * sigma)
