@@ -27,11 +27,11 @@ demo:
 
 level:
 	@scripts/setup.sh core
-	@.venv/bin/python -m benchmarks.level --demo
+	@.venv/bin/python -m benchmarks.accuracy.level --demo
 
 speed:
 	@scripts/setup.sh core
-	@.venv/bin/python -m benchmarks.speed
+	@.venv/bin/python -m benchmarks.cost.speed
 
 paper:
 	@scripts/setup.sh core

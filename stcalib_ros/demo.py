@@ -11,9 +11,11 @@ import numpy as np
 
 from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text, table, warn
 from stcalib_ros.core.errors import CalibrationError, InputError, StcalibError
-from stcalib_ros.core.metrics import Evaluation, evaluate
-from stcalib_ros.core.pipeline import Stages, run_stages
-from stcalib_ros.core.types import Calibration, Recording, Status
+from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.pipeline import run_stages
+from stcalib_ros.core.stages import Stages
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.files import atomic_path, require_writable
 from stcalib_ros.io.results import read_result, write_result

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from stcalib_ros.cli import main
+from stcalib_ros.core.model.calibration import Status
+from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.core.types import Recording, Status
 from stcalib_ros.io.bag_writer import write_recording
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result

@@ -19,11 +19,12 @@ from stcalib_ros.cli import main
 from stcalib_ros.commands import simulate as simulate_command
 from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text
 from stcalib_ros.core.errors import CalibrationError, Cancelled
+from stcalib_ros.core.model.calibration import Calibration, Status, UncalibratedCamera
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.skeleton import common_skeleton
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.skeleton import common_skeleton
+from stcalib_ros.core.stages import Stages
 from stcalib_ros.core.synthetic import SceneOptions
-from stcalib_ros.core.types import Calibration, Recording, Status, UncalibratedCamera
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.results import read_result, write_result
 

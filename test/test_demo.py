@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from stcalib_ros import demo
-from stcalib_ros.core.metrics import evaluate
-from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.types import Calibration, Status
+from stcalib_ros.core.evaluation.metrics import evaluate
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.stages import Stages
 from stcalib_ros.io.results import read_result
 
 TRUTH = Path(demo.__file__).parent / "data" / "demo" / "balance_truth.yaml"

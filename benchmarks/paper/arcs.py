@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stcalib_ros.core.types import BoolArray, FloatArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 
 THRESHOLD = 0.15
 _AZIMUTHS = 180
@@ -38,12 +38,12 @@ class ArcsResult:
         Correspondences within the threshold, and in all.
     """
 
-    R_a_b: FloatArray
+    R_a_b: Float64Array
     n_inliers: int
     n_proposed: int
 
 
-def arcs(v_a: FloatArray, v_b: FloatArray, *, threshold: float = THRESHOLD) -> ArcsResult:
+def arcs(v_a: Float64Array, v_b: Float64Array, *, threshold: float = THRESHOLD) -> ArcsResult:
     """Rotation that most of the proposed correspondences agree with.
 
     Parameters
@@ -65,8 +65,8 @@ def arcs(v_a: FloatArray, v_b: FloatArray, *, threshold: float = THRESHOLD) -> A
 
 
 def proposals(
-    v_a: FloatArray, known_a: BoolArray, v_b: FloatArray, known_b: BoolArray
-) -> tuple[FloatArray, FloatArray]:
+    v_a: Float64Array, known_a: BoolArray, v_b: Float64Array, known_b: BoolArray
+) -> tuple[Float64Array, Float64Array]:
     """All pairs of directions of one bone in one frame, whoever they belong to (step N).
 
     Parameters
@@ -83,7 +83,7 @@ def proposals(
     return np.broadcast_to(v_a[:, None], shape)[both], np.broadcast_to(v_b[None], shape)[both]
 
 
-def rotation_axis(difference: FloatArray, threshold: float) -> FloatArray:
+def rotation_axis(difference: Float64Array, threshold: float) -> Float64Array:
     """Unit axis that most differences (M, 3) are orthogonal to, within the threshold (step O).
 
     For each of many azimuths the elevations that a difference allows are one interval modulo pi;
@@ -104,7 +104,9 @@ def rotation_axis(difference: FloatArray, threshold: float) -> FloatArray:
     return axis
 
 
-def rotation_about(axis: FloatArray, v_a: FloatArray, v_b: FloatArray, threshold: float) -> float:
+def rotation_about(
+    axis: Float64Array, v_a: Float64Array, v_b: Float64Array, threshold: float
+) -> float:
     """Angle about an axis that brings most of `v_b` to `v_a` within the threshold (step O)."""
     flat_a, flat_b = (v - (v @ axis)[:, None] * axis for v in (v_a, v_b))
     angle = np.arctan2(np.cross(flat_b, flat_a) @ axis, (flat_a * flat_b).sum(1))
@@ -119,7 +121,7 @@ def rotation_about(axis: FloatArray, v_a: FloatArray, v_b: FloatArray, threshold
     return most_stabbed((angle - half)[use], (angle + half)[use], period=2.0 * np.pi)[0]
 
 
-def most_stabbed(low: FloatArray, high: FloatArray, *, period: float) -> tuple[float, int]:
+def most_stabbed(low: Float64Array, high: Float64Array, *, period: float) -> tuple[float, int]:
     """Point that lies in most intervals of a circle, and in how many.
 
     Parameters
@@ -145,7 +147,7 @@ def most_stabbed(low: FloatArray, high: FloatArray, *, period: float) -> tuple[f
     return float(0.5 * (here[k] + here[min(k + 1, len(here) - 1)])), int(depth[k] + always.sum())
 
 
-def descended(R_a_b: FloatArray, v_a: FloatArray, v_b: FloatArray) -> FloatArray:
+def descended(R_a_b: Float64Array, v_a: Float64Array, v_b: Float64Array) -> Float64Array:
     """Riemannian subgradient descent of ``sum |v_a - R v_b|`` with geometric steps (step R)."""
     R = R_a_b
     step = _FIRST_STEP

@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.paper.point_bundle import PointViews
-from stcalib_ros.core.geometry import bearings
-from stcalib_ros.core.synthetic import Rig
+from stcalib_ros.core.geometry.lens import bearings
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.synthetic import SceneRig
 from stcalib_ros.core.synthetic.rigs import image_of
-from stcalib_ros.core.types import BoolArray, FloatArray
 
 N_POINTS = 4000
 SIGMA_PX = 1.0
@@ -23,7 +23,7 @@ MATCH_ANGLE_RAD = np.deg2rad(30.0)
 _WALL_M = 1.5
 
 
-def background_views(rng: np.random.Generator, rig: Rig) -> PointViews:
+def background_views(rng: np.random.Generator, rig: SceneRig) -> PointViews:
     """Matched background points of all cameras, false matches among them."""
     points = room_points(rng, rig, N_POINTS)
     C = len(rig.names)
@@ -41,7 +41,7 @@ def background_views(rng: np.random.Generator, rig: Rig) -> PointViews:
     return PointViews(np.where(seen[:, :, None, None], x, 0.0), seen[:, :, None], focal)
 
 
-def room_points(rng: np.random.Generator, rig: Rig, n: int) -> FloatArray:
+def room_points(rng: np.random.Generator, rig: SceneRig, n: int) -> Float64Array:
     """Points (n, 3) on four walls beyond the cameras and on the floor."""
     reach = np.abs(rig.centres_world[:, :2]).max() + _WALL_M
     u, v = rng.uniform(-reach, reach, (2, n))
@@ -53,7 +53,9 @@ def room_points(rng: np.random.Generator, rig: Rig, n: int) -> FloatArray:
     return np.stack([x, y, np.where(side < 4, height, 0.0)], axis=-1)
 
 
-def _matched(rng: np.random.Generator, points: FloatArray, rig: Rig, seen: BoolArray) -> BoolArray:
+def _matched(
+    rng: np.random.Generator, points: Float64Array, rig: SceneRig, seen: BoolArray
+) -> BoolArray:
     """Which detections of a point hang together with another one."""
     rays = points[:, None] - rig.centres_world
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
@@ -64,7 +66,7 @@ def _matched(rng: np.random.Generator, points: FloatArray, rig: Rig, seen: BoolA
     return np.asarray((hit | hit.transpose(0, 2, 1)).any(-1))
 
 
-def _mismatch(rng: np.random.Generator, x: FloatArray, seen: BoolArray) -> None:
+def _mismatch(rng: np.random.Generator, x: Float64Array, seen: BoolArray) -> None:
     """Exchange the detections of some points with those of others, camera by camera."""
     for c in range(seen.shape[1]):
         rows = np.flatnonzero(seen[:, c])

@@ -10,25 +10,30 @@ import numpy as np
 
 from benchmarks.paper.arcs import arcs, proposals
 from benchmarks.paper.reid import RANK_1, embeddings, matched, noise_for, prototypes, relative_pose
-from stcalib_ros.core import stba
-from stcalib_ros.core.association import Association
-from stcalib_ros.core.averaging import Rig
-from stcalib_ros.core.hypotheses import PairHypothesis
-from stcalib_ros.core.observations import observe
+from stcalib_ros.core.bundle.istba import finish_iteration
+from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.observations import observe
+from stcalib_ros.core.bundle.outliers import image_points
+from stcalib_ros.core.bundle.state import initial_state
+from stcalib_ros.core.integration.association import Association
+from stcalib_ros.core.integration.exclusions import Disconnected
+from stcalib_ros.core.lifting.views import LiftedViews, lift_views
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.relative_pose import RelativePose
+from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.options import Options, VmfOptions
+from stcalib_ros.core.output.assemble import failed_calibration
 from stcalib_ros.core.paper.matching import match, mean_angles
 from stcalib_ros.core.paper.merge import merge
 from stcalib_ros.core.paper.oriented import OrientedPoints, oriented_points, spread_windows
-from stcalib_ros.core.paper.pairs import Views, lift_views
 from stcalib_ros.core.paper.posegraph import optimise
 from stcalib_ros.core.paper.registration import PairRegistration
 from stcalib_ros.core.paper.stba import adjust_rounds
 from stcalib_ros.core.paper.translation import translation_direction
-from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.result import nothing
-from stcalib_ros.core.rounds import Round, Unconnected, finish_round, image_points, sub_rig
-from stcalib_ros.core.timeline import common_step
-from stcalib_ros.core.types import Calibration, FloatArray, IntArray, Recording, Status
+from stcalib_ros.core.registration.resampling import common_step
+from stcalib_ros.core.stages import Stages
 
 MAX_PROPOSALS = 8000
 """More proposed correspondences than this are thinned out at random before ARCS."""
@@ -52,7 +57,7 @@ class Sampled:
     starts : (W,) ndarray of int
     """
 
-    def __init__(self, views: Views, truth: Calibration, starts: IntArray) -> None:
+    def __init__(self, views: LiftedViews, truth: Calibration, starts: IntArray) -> None:
         self.views, self.truth, self.starts = views, truth, starts
         cameras = views.lifted
         self.step_s = common_step(cameras)
@@ -127,7 +132,7 @@ def by_reid(
     return PairRegistration(h, s.starts, matches, float("nan"))
 
 
-def _of_windows(x: FloatArray, at: IntArray) -> FloatArray:
+def _of_windows(x: Float64Array, at: IntArray) -> Float64Array:
     """Joints (P, W T, J, 2) in the samples (W, T) of the windows."""
     return np.asarray(x[:, at.ravel()])
 
@@ -136,7 +141,7 @@ BASELINES: dict[str, Register] = {"ARCS": by_arcs, "ReID-Calib": by_reid}
 
 
 def _registration(
-    s: Sampled, a: int, b: int, R: FloatArray, matches: IntArray, window: int
+    s: Sampled, a: int, b: int, R: Float64Array, matches: IntArray, window: int
 ) -> PairRegistration | None:
     """Translation from the epipolar constraint, as after the paper's own rotation."""
     w, p, q = matches.T
@@ -148,12 +153,12 @@ def _registration(
     one = np.ones((int(both.sum()), 1))
     t = translation_direction(R, np.hstack([x_a[both], one]), np.hstack([x_b[both], one]))
     pairs = tuple(sorted({(int(i), int(j)) for i, j in zip(p, q, strict=True)}))
-    h = PairHypothesis(a, b, R, t, 0.0, pairs, float(len(matches)))
+    h = RelativePose(a, b, R, t, 0.0, pairs, float(len(matches)))
     h = replace(h, t_a_b=t * _length(s, h, matches, window))
     return PairRegistration(h, s.starts, matches, float("nan"))
 
 
-def _length(s: Sampled, h: PairHypothesis, matches: IntArray, window: int) -> float:
+def _length(s: Sampled, h: RelativePose, matches: IntArray, window: int) -> float:
     """Length of t, metres, from where the monocular poses stand."""
     w, p, q = matches.T
     at = s.samples(window)[w]
@@ -195,7 +200,9 @@ def _integrated(
 ) -> Stages:
     cameras = list(range(len(s.views.lifted)))
     hypotheses = tuple(pair.hypothesis for pair in pairs)
-    none = nothing(recording, status=Status.NOT_CONVERGED, message="a baseline", uncalibrated=())
+    none = failed_calibration(
+        recording, status=Status.NOT_CONVERGED, message="a baseline", uncalibrated=()
+    )
     empty = Stages(s.views.skeleton, s.views.lifted, hypotheses, (), (), none)
     reached = {c for h in hypotheses for c in (h.a, h.b)}
     if reached != set(cameras) or len(pairs) < len(cameras) - 1:
@@ -207,7 +214,7 @@ def _integrated(
 
 def _rounds(
     s: Sampled, rig: Rig, pairs: list[PairRegistration], options: Options
-) -> tuple[Round, ...]:
+) -> tuple[Iteration, ...]:
     """Integration and adjustments; of cameras that fall apart the largest group goes on."""
     lifted, window = s.views.lifted, options.vmf.window
     first = _association(s, rig, pairs, window)
@@ -225,7 +232,7 @@ def _rounds(
             window=window,
             tick=lambda _: None,
         )
-        if not isinstance(result, Unconnected):
+        if not isinstance(result, Disconnected):
             return (before, *result)
         if len(result.groups[0]) < 2:
             return (before,)
@@ -244,11 +251,11 @@ def _association(s: Sampled, rig: Rig, pairs: list[PairRegistration], window: in
     )
 
 
-def _unadjusted(s: Sampled, rig: Rig, association: Association) -> Round | None:
+def _unadjusted(s: Sampled, rig: Rig, association: Association) -> Iteration | None:
     """The integration as a round of which nothing was adjusted."""
     observations = observe(s.views.lifted, rig, association, step_s=s.step_s)
     if not len(observations.person):
         return None
-    state = stba.initial_state(observations, rig)
+    state = initial_state(observations, rig)
     total = image_points([s.views.lifted[c] for c in rig.cameras])
-    return finish_round(rig, association, observations, state, total)
+    return finish_iteration(rig, association, observations, state, total)

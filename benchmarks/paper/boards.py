@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.paper.point_bundle import PointViews
-from stcalib_ros.core.geometry import bearings
-from stcalib_ros.core.synthetic import Rig
+from stcalib_ros.core.geometry.lens import bearings
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.synthetic import SceneRig
 from stcalib_ros.core.synthetic.rigs import image_of
-from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 CORNERS = (8, 6)
 SQUARE_M = 0.06
@@ -36,8 +36,8 @@ class BoardShots:
     """
 
     pair: IntArray
-    corners_board: FloatArray
-    pixels: FloatArray
+    corners_board: Float64Array
+    pixels: Float64Array
     views: PointViews
 
     @property
@@ -59,7 +59,7 @@ class BoardShots:
 
 def show_boards(
     rng: np.random.Generator,
-    rig: Rig,
+    rig: SceneRig,
     *,
     per_pair: int = 10,
     sigma_px: float = 0.5,
@@ -73,7 +73,7 @@ def show_boards(
     Parameters
     ----------
     rng : Generator
-    rig : Rig
+    rig : SceneRig
         In a world with z up and the people's area around the origin.
     per_pair : int
     sigma_px : float
@@ -95,8 +95,12 @@ def show_boards(
 
 
 def _board_seen_by(
-    rng: np.random.Generator, rig: Rig, pair: tuple[int, int], corners: FloatArray, reach: float
-) -> FloatArray:
+    rng: np.random.Generator,
+    rig: SceneRig,
+    pair: tuple[int, int],
+    corners: Float64Array,
+    reach: float,
+) -> Float64Array:
     """Pixels (C, J, 2) of a random board that both cameras see; NaN for those who do not."""
     while True:
         direction = rng.standard_normal(3)
@@ -110,14 +114,14 @@ def _board_seen_by(
             return seen
 
 
-def _pixels(points: FloatArray, normal: FloatArray, rig: Rig, c: int) -> FloatArray:
+def _pixels(points: Float64Array, normal: Float64Array, rig: SceneRig, c: int) -> Float64Array:
     ray = points.mean(0) - rig.centres_world[c]
     out = image_of(points @ rig.R_cam_world[c].T + rig.t_cam_world[c], rig.intrinsics[c])
     facing = abs(normal @ ray) >= _GRAZING * np.linalg.norm(ray)
     return out if facing and np.isfinite(out).all() else np.full_like(out, np.nan)
 
 
-def _undistorted(pixels: FloatArray, rig: Rig) -> PointViews:
+def _undistorted(pixels: Float64Array, rig: SceneRig) -> PointViews:
     x = np.stack([bearings(pixels[:, c], rig.intrinsics[c])[0] for c in range(pixels.shape[1])], 1)
     seen: BoolArray = np.asarray(np.isfinite(x).all(-1))
     focal = np.array([np.sqrt(lens.K[0, 0] * lens.K[1, 1]) for lens in rig.intrinsics])

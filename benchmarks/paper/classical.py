@@ -8,13 +8,13 @@ import numpy as np
 from benchmarks.paper.boards import CORNERS, SQUARE_M, BoardShots
 from benchmarks.paper.point_bundle import PointViews, rig_of, triangulated
 from benchmarks.paper.sfm import as_pose
-from stcalib_ros.core.geometry import best_rotation
-from stcalib_ros.core.hypotheses import PairHypothesis
-from stcalib_ros.core.synthetic import Rig
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.geometry.alignment import best_rotation
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.relative_pose import RelativePose
+from stcalib_ros.core.synthetic import SceneRig
 
 
-def eight_point(shots: BoardShots, a: int, b: int) -> PairHypothesis:
+def eight_point(shots: BoardShots, a: int, b: int) -> RelativePose:
     """Essential matrix of all corners of a pair by the normalised eight-point algorithm.
 
     Hartley 1997. The corners lie on several planes, so that the linear problem is regular. The
@@ -31,17 +31,17 @@ def eight_point(shots: BoardShots, a: int, b: int) -> PairHypothesis:
     pair = shots.views.of([a, b])
     pair = PointViews(pair.x[rows], pair.seen[rows], pair.focal)
     X = triangulated(pair, rig_of(np.stack([np.eye(3), R_a_b]), np.stack([np.zeros(3), t_a_b]))).X
-    return PairHypothesis(a, b, R_a_b, t_a_b * SQUARE_M / _square(X), 0.0, (), float(len(rows)))
+    return RelativePose(a, b, R_a_b, t_a_b * SQUARE_M / _square(X), 0.0, (), float(len(rows)))
 
 
-def _square(X: FloatArray) -> float:
+def _square(X: Float64Array) -> float:
     """Median length (of N, J, 3) of the sides of the squares."""
     grid = X.reshape(len(X), *CORNERS, 3)
     sides = [np.linalg.norm(np.diff(grid, axis=k), axis=-1).ravel() for k in (1, 2)]
     return float(np.median(np.concatenate(sides)))
 
 
-def pnp(shots: BoardShots, rig: Rig, a: int, b: int) -> PairHypothesis:
+def pnp(shots: BoardShots, rig: SceneRig, a: int, b: int) -> RelativePose:
     """Pose of every board in both cameras, and the mean of the relative poses.
 
     OpenCV's planar solver (IPPE) followed by Levenberg-Marquardt on the reprojection error; of
@@ -54,10 +54,12 @@ def pnp(shots: BoardShots, rig: Rig, a: int, b: int) -> PairHypothesis:
         R_a_b.append(R_a @ R_b.T)
         t_a_b.append(t_a - R_a_b[-1] @ t_b)
     R = best_rotation(np.sum(R_a_b, axis=0))
-    return PairHypothesis(a, b, R, np.median(t_a_b, axis=0), 0.0, (), float(len(R_a_b)))
+    return RelativePose(a, b, R, np.median(t_a_b, axis=0), 0.0, (), float(len(R_a_b)))
 
 
-def _board_pose(shots: BoardShots, rig: Rig, board: int, c: int) -> tuple[FloatArray, FloatArray]:
+def _board_pose(
+    shots: BoardShots, rig: SceneRig, board: int, c: int
+) -> tuple[Float64Array, Float64Array]:
     """``x_cam = R x_board + t``, metres."""
     lens = rig.intrinsics[c]
     flags = (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_ITERATIVE)

@@ -24,11 +24,13 @@ from benchmarks.paper.scenes import (
 from benchmarks.paper.sfm import SfmFailure
 from benchmarks.paper.vo import calibrate_vo
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.geometry import rotation_angle
+from stcalib_ros.core.evaluation.stage_errors import judge_stages
+from stcalib_ros.core.geometry.so3 import rotation_angle
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.options import Options, RegistrationOptions, VmfOptions
-from stcalib_ros.core.paper.judge import judge_stages
 from stcalib_ros.core.pipeline import run_stages
-from stcalib_ros.core.types import Calibration, FloatArray, Recording
 from stcalib_ros.io.convert import ConvertOptions, convert_npz
 
 TABLE_I = ("160906_pizza1", "soccer1_6", "industry_safety_2")
@@ -115,7 +117,7 @@ def table2_rows(name: str, method: str, trial: int) -> list[Row]:
 
 
 def rig_errors(
-    R_ref_cam: FloatArray, t_ref_cam: FloatArray, offset_s: FloatArray, truth: Calibration
+    R_ref_cam: Float64Array, t_ref_cam: Float64Array, offset_s: Float64Array, truth: Calibration
 ) -> dict[str, float]:
     """E_R, E_t and E_delta of cameras in the order of the truth, the first the reference."""
     R = np.stack([c.R_ref_cam for c in truth.cameras])

@@ -21,9 +21,10 @@ from benchmarks.paper.scenes import (
     scene_named,
     window_starts,
 )
+from benchmarks.paper.windows import register_on_windows
+from stcalib_ros.core.evaluation.stage_errors import Errors, judge_pair
+from stcalib_ros.core.lifting.views import LiftedViews, lift_views
 from stcalib_ros.core.options import Options, RegistrationOptions, VmfOptions
-from stcalib_ros.core.paper.judge import Errors, judge_pair
-from stcalib_ros.core.paper.pairs import Views, lift_views, register_on_windows
 from stcalib_ros.core.paper.registration import PairRegistration
 from stcalib_ros.core.synthetic import Scene, SceneOptions, paper_scene
 from stcalib_ros.io.mocap import shipped_clips
@@ -239,7 +240,7 @@ def _baseline(
     return rows
 
 
-def _judged(views: Views, scene: Scene, found: PairRegistration) -> Errors:
+def _judged(views: LiftedViews, scene: Scene, found: PairRegistration) -> Errors:
     return judge_pair(views.lifted, found, scene.truth, window=T, fps=FPS)
 
 

@@ -1,7 +1,8 @@
 """Bundle adjustment of points that do not move: what every baseline is refined with.
 
-It is the adjustment of the package (`stcalib_ros.core.stba`) with velocities of zero, so that the
-rows of a table differ in what they start from and in what was matched, not in the solver.
+It is the adjustment of the package (`stcalib_ros.core.bundle.levenberg_marquardt`) with velocities
+of zero, so that the rows of a table differ in what they start from and in what was matched, not in
+the solver.
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stcalib_ros.core import stba
-from stcalib_ros.core.averaging import Rig
-from stcalib_ros.core.observations import Observations
-from stcalib_ros.core.types import BoolArray, FloatArray
+from stcalib_ros.core.bundle.levenberg_marquardt import adjust
+from stcalib_ros.core.bundle.observations import Observations
+from stcalib_ros.core.bundle.residuals import errors_px
+from stcalib_ros.core.bundle.state import BundleState, initial_state
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.model.rig import Rig
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,9 +32,9 @@ class PointViews:
         Pixels per unit of x.
     """
 
-    x: FloatArray
+    x: Float64Array
     seen: BoolArray
-    focal: FloatArray
+    focal: Float64Array
 
     def of(self, cameras: list[int]) -> PointViews:
         """The same seen by some of the cameras."""
@@ -68,13 +71,13 @@ class PointBundle:
     """
 
     rig: Rig
-    X: FloatArray
+    X: Float64Array
     known: BoolArray
     mean_px: float
     rms_px: float
 
 
-def rig_of(R_ref_cam: FloatArray, t_ref_cam: FloatArray) -> Rig:
+def rig_of(R_ref_cam: Float64Array, t_ref_cam: Float64Array) -> Rig:
     """Rig of cameras 0, 1, ..., all with one clock."""
     n = len(R_ref_cam)
     return Rig(np.arange(n), R_ref_cam, t_ref_cam, np.zeros(n), 0.0)
@@ -83,7 +86,7 @@ def rig_of(R_ref_cam: FloatArray, t_ref_cam: FloatArray) -> Rig:
 def triangulated(views: PointViews, rig: Rig) -> PointBundle:
     """Points where the rays of the cameras meet; nothing is adjusted."""
     o = views.observations()
-    return _result(o, stba.initial_state(o, rig), rig)
+    return _result(o, initial_state(o, rig), rig)
 
 
 def adjusted(
@@ -101,21 +104,21 @@ def adjusted(
     iterations : int
     """
     o = views.observations()
-    state = stba.initial_state(o, rig)
+    state = initial_state(o, rig)
     if max_px is not None:
         with np.errstate(invalid="ignore"):
-            good = o.seen & (stba.errors_px(o, state) < max_px)
+            good = o.seen & (errors_px(o, state) < max_px)
         state = replace(state, used=good & (good.sum(1) >= 2)[:, None])
     if not state.used.any():
         return _result(o, state, rig)
-    state = stba.adjust(o, state, iterations=iterations, tolerance=1e-3)
+    state = adjust(o, state, iterations=iterations, tolerance=1e-3)
     R_ref_cam = np.swapaxes(state.R_cam_ref, -1, -2)
     t_ref_cam = 0.0 - np.einsum("cij,cj->ci", R_ref_cam, state.t_cam_ref)
     return _result(o, state, replace(rig, R_ref_cam=R_ref_cam, t_ref_cam=t_ref_cam))
 
 
-def _result(o: Observations, state: stba.BundleState, rig: Rig) -> PointBundle:
-    errors = stba.errors_px(o, state)
+def _result(o: Observations, state: BundleState, rig: Rig) -> PointBundle:
+    errors = errors_px(o, state)
     used = errors[state.used & np.isfinite(errors)]
     mean = float(used.mean()) if len(used) else float("nan")
     rms = float(np.sqrt(np.mean(used**2))) if len(used) else float("nan")

@@ -20,8 +20,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from benchmarks.paper.sfm import as_pose
-from stcalib_ros.core.hypotheses import PairHypothesis
-from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.relative_pose import RelativePose
 
 RANK_1 = 0.8
 """How often the nearest embedding is the right one; networks trained elsewhere reach about that."""
@@ -34,14 +34,14 @@ _MIN_POINTS = 8
 
 
 def embeddings(
-    rng: np.random.Generator, persons: IntArray, prototypes: FloatArray, noise: float
-) -> FloatArray:
+    rng: np.random.Generator, persons: IntArray, prototypes: Float64Array, noise: float
+) -> Float64Array:
     """Unit embeddings (P, D) of tracks, given the persons that they show."""
     e = prototypes[persons] + noise * rng.standard_normal((len(persons), prototypes.shape[1]))
     return np.asarray(e / np.linalg.norm(e, axis=1, keepdims=True))
 
 
-def prototypes(rng: np.random.Generator, n_people: int) -> FloatArray:
+def prototypes(rng: np.random.Generator, n_people: int) -> Float64Array:
     """What the people look like, (P, D)."""
     e = rng.standard_normal((n_people, _DIMENSIONS))
     return np.asarray(e / np.linalg.norm(e, axis=1, keepdims=True))
@@ -69,7 +69,7 @@ def rank_1_of(noise: float, n_people: int) -> float:
     return float(np.mean(hits))
 
 
-def matched(e_a: FloatArray, e_b: FloatArray) -> list[tuple[int, int]]:
+def matched(e_a: Float64Array, e_b: Float64Array) -> list[tuple[int, int]]:
     """One-to-one matches of embeddings by total cosine similarity."""
     rows, columns = linear_sum_assignment(-(e_a @ e_b.T))
     return [(int(p), int(q)) for p, q in zip(rows, columns, strict=True)]
@@ -78,11 +78,11 @@ def matched(e_a: FloatArray, e_b: FloatArray) -> list[tuple[int, int]]:
 def relative_pose(
     a: int,
     b: int,
-    x_a: FloatArray,
-    x_b: FloatArray,
+    x_a: Float64Array,
+    x_b: Float64Array,
     matches: list[tuple[int, int]],
     focal: float,
-) -> PairHypothesis | None:
+) -> RelativePose | None:
     """Relative pose of two views from the joints of matched people.
 
     Parameters
@@ -97,7 +97,7 @@ def relative_pose(
 
     Returns
     -------
-    PairHypothesis or None
+    RelativePose or None
         With a translation of length 1; None where no essential matrix fits.
     """
     p, q = np.array(matches, dtype=np.int64).reshape(-1, 2).T
@@ -114,12 +114,10 @@ def relative_pose(
     inlier = mask.ravel() > 0
     explained = _share(both, inlier)
     kept = tuple(m for m, share in zip(matches, explained, strict=True) if share >= _EXPLAINED)
-    return PairHypothesis(
-        a, b, *as_pose(R, t), 0.0, kept, float(mask.sum() > 0) * float(both.sum())
-    )
+    return RelativePose(a, b, *as_pose(R, t), 0.0, kept, float(mask.sum() > 0) * float(both.sum()))
 
 
-def _share(both: BoolArray, inlier: BoolArray) -> FloatArray:
+def _share(both: BoolArray, inlier: BoolArray) -> Float64Array:
     """Of the correspondences of each match, how many are inliers."""
     count = np.zeros(both.shape)
     count[both] = inlier

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from stcalib_ros.core.paper.judge import Errors
+from stcalib_ros.core.evaluation.stage_errors import Errors
 
 Row = dict[str, Any]
 

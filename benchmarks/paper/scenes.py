@@ -14,8 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stcalib_ros.core.synthetic import MotionClip, Rig, Scene, SceneOptions, simulate
-from stcalib_ros.core.types import Calibration, Recording
+from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.synthetic import MotionClip, Scene, SceneOptions, SceneRig, simulate
 from stcalib_ros.io.mocap import read_clip, shipped_clips
 from stcalib_ros.io.rigs import read_rig
 
@@ -73,7 +74,7 @@ class PaperScene:
         return shipped_clips() if self.shipped_only else _all_clips()
 
     @property
-    def rig(self) -> Rig | None:
+    def rig(self) -> SceneRig | None:
         """The real rig; None where it is not at hand, or a ring is meant."""
         path = DATA / "camera_rigs" / (self.rig_file or "")
         if self.rig_file is None or not path.is_file():
@@ -116,10 +117,10 @@ def scene_named(name: str) -> PaperScene:
     return next(scene for scene in (*SCENES, ULTIMATUM, REDUCED) if scene.name == name)
 
 
-def part_of(rig: Rig, cameras: tuple[int, ...]) -> Rig:
+def part_of(rig: SceneRig, cameras: tuple[int, ...]) -> SceneRig:
     """Some cameras of a rig."""
     pick = list(cameras)
-    return Rig(
+    return SceneRig(
         tuple(rig.names[c] for c in pick),
         tuple(rig.intrinsics[c] for c in pick),
         rig.R_cam_world[pick],
@@ -127,7 +128,7 @@ def part_of(rig: Rig, cameras: tuple[int, ...]) -> Rig:
     )
 
 
-def resized(rig: Rig, max_width: int) -> Rig:
+def resized(rig: SceneRig, max_width: int) -> SceneRig:
     """The same cameras with images no wider than that, so that errors in px mean the same."""
     lenses = []
     for lens in rig.intrinsics:

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 
 from benchmarks.paper.point_bundle import PointBundle, PointViews, adjusted, rig_of, triangulated
-from stcalib_ros.core.averaging import Rig
-from stcalib_ros.core.types import FloatArray, IntArray
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.rig import Rig
 
 _MIN_INLIERS = 30
 _MIN_PNP_INLIERS = 15
@@ -69,9 +69,9 @@ def incremental_sfm(views: PointViews, *, max_px: float = 4.0) -> PointBundle:
     return triangulated(views, rig)
 
 
-def _first_pair(views: PointViews) -> tuple[tuple[int, int], FloatArray, FloatArray]:
+def _first_pair(views: PointViews) -> tuple[tuple[int, int], Float64Array, Float64Array]:
     """The pair with most inliers among those whose rays meet at five degrees or more."""
-    best: tuple[int, tuple[int, int], FloatArray, FloatArray] | None = None
+    best: tuple[int, tuple[int, int], Float64Array, Float64Array] | None = None
     for a, b in combinations(range(views.seen.shape[1]), 2):
         found = essential(views, a, b)
         if found is None:
@@ -87,7 +87,7 @@ def _first_pair(views: PointViews) -> tuple[tuple[int, int], FloatArray, FloatAr
 
 def essential(
     views: PointViews, a: int, b: int
-) -> tuple[int, FloatArray, FloatArray, float] | None:
+) -> tuple[int, Float64Array, Float64Array, float] | None:
     """Relative pose by RANSAC on the essential matrix.
 
     Returns
@@ -120,14 +120,14 @@ def essential(
     return int(n), *as_pose(R, t), angle
 
 
-def as_pose(R: object, t: object) -> tuple[FloatArray, FloatArray]:
+def as_pose(R: object, t: object) -> tuple[Float64Array, Float64Array]:
     """Rotation (3, 3) and translation (3,) as OpenCV gives them, in our types."""
     return np.asarray(R, dtype=np.float64), np.asarray(t, dtype=np.float64).ravel()
 
 
 def _registered(
     views: PointViews, bundle: PointBundle, camera: int
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Float64Array, Float64Array]:
     """Pose (R_ref_cam, t_ref_cam) of a new camera by PnP with RANSAC.
 
     SQPnP (Terzakis and Lourakis 2020): of points on one plane, as the floor is, OpenCV's EPnP

@@ -18,9 +18,9 @@ from benchmarks.paper.point_bundle import PointBundle, adjusted, triangulated
 from benchmarks.paper.run import Row, Task, row
 from benchmarks.paper.scenes import FPS, OFFSET_FRAMES, late, lifted_scene, scene_named
 from benchmarks.paper.sfm import SfmFailure, incremental_sfm
-from stcalib_ros.core.averaging import Rig
+from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.paper.posegraph import optimise
-from stcalib_ros.core.types import Calibration
 
 SCENE = "soccer1_6"
 N_RINGS = 3

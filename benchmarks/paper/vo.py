@@ -5,7 +5,8 @@ at zero, and who is who is given; then the reprojection error of moving joints i
 poses, offsets and motion.
 
 Assumed here: background points and their matches are simulated (`benchmarks.paper.background`),
-and the adjustment is ours (`stcalib_ros.core.stba`), as the paper used its own.
+and the adjustment is ours (`stcalib_ros.core.bundle.levenberg_marquardt`), as the paper used its
+own.
 """
 
 from __future__ import annotations
@@ -17,17 +18,21 @@ import numpy as np
 
 from benchmarks.paper.background import background_views
 from benchmarks.paper.sfm import incremental_sfm
-from stcalib_ros.core import stba
-from stcalib_ros.core.association import Association
-from stcalib_ros.core.averaging import Rig
-from stcalib_ros.core.lift import LiftedCamera, lift_recording
-from stcalib_ros.core.observations import observe
+from stcalib_ros.core.bundle.levenberg_marquardt import adjust
+from stcalib_ros.core.bundle.observations import observe
+from stcalib_ros.core.bundle.outliers import drop_outliers
+from stcalib_ros.core.bundle.residuals import errors_px
+from stcalib_ros.core.bundle.state import BundleState, initial_state
+from stcalib_ros.core.integration.association import Association
+from stcalib_ros.core.lifting.lift import lift_recording
+from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rig import Rig
+from stcalib_ros.core.model.skeleton import common_skeleton
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.rounds import drop_outliers
-from stcalib_ros.core.skeleton import common_skeleton
-from stcalib_ros.core.synthetic import Rig as World
-from stcalib_ros.core.timeline import common_step
-from stcalib_ros.core.types import Calibration, Recording
+from stcalib_ros.core.registration.resampling import common_step
+from stcalib_ros.core.synthetic import SceneRig as World
 
 _ROUNDS = 8
 
@@ -75,11 +80,11 @@ def calibrate_vo(
     for _ in range(_ROUNDS):
         association = given_association(lifted, truth, rig)
         observations = observe(lifted, rig, association, step_s=step_s)
-        state = stba.initial_state(observations, rig)
+        state = initial_state(observations, rig)
         state = drop_outliers(observations, state, options.bundle)
-        state = stba.adjust(observations, state, iterations=12, tolerance=0.1)
+        state = adjust(observations, state, iterations=12, tolerance=0.1)
         rig = _rig_of(state, rig)
-    errors = stba.errors_px(observations, state)[state.used]
+    errors = errors_px(observations, state)[state.used]
     return VoResult(rig, float(errors.mean()), float(np.sqrt(np.mean(errors**2))))
 
 
@@ -105,7 +110,7 @@ def _person(truth: Calibration, camera: str, track_id: int) -> int:
     return -1
 
 
-def _rig_of(state: stba.BundleState, rig: Rig) -> Rig:
+def _rig_of(state: BundleState, rig: Rig) -> Rig:
     R_ref_cam = np.swapaxes(state.R_cam_ref, -1, -2)
     return replace(
         rig,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stcalib_ros.core.types import Calibration, Recording
+from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.io.bag_writer import require_bag_writable, write_recording
 from stcalib_ros.io.files import require_writable
 from stcalib_ros.io.results import write_result

@@ -13,8 +13,9 @@ from stcalib_ros.commands.jobs import count, processes
 from stcalib_ros.core.errors import CalibrationError
 
 if TYPE_CHECKING:
-    from stcalib_ros.core.pipeline import Stages
-    from stcalib_ros.core.types import Calibration, Recording
+    from stcalib_ros.core.model.calibration import Calibration
+    from stcalib_ros.core.model.recording import Recording
+    from stcalib_ros.core.stages import Stages
     from stcalib_ros.io.config import Config
 
 # What computes is imported by the functions that need it, for `--help` to be quick.
@@ -100,8 +101,8 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
         No trustworthy calibration can be had.
     """
     from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text
+    from stcalib_ros.core.model.calibration import Status
     from stcalib_ros.core.pipeline import run_stages
-    from stcalib_ros.core.types import Status
     from stcalib_ros.io.bag import read_bag
     from stcalib_ros.io.files import require_writable
     from stcalib_ros.report import require_matplotlib
@@ -145,7 +146,7 @@ def config_of(args: argparse.Namespace) -> Config:
     if args.estimate_line_time:
         changes["estimate_line_time"] = True
     return Config(
-        replace(config.options, **changes), config.selection.with_line_times(dict(args.line_time))
+        replace(config.options, **changes), config.selection.with_line_delays(dict(args.line_time))
     )
 
 
@@ -164,7 +165,7 @@ def _line_time(text: str) -> tuple[str, float]:
 
 def _write(calibration: Calibration, output: Path) -> Path | None:
     """Write the result; one that is not to be used under another name, and only if it has poses."""
-    from stcalib_ros.core.types import Status
+    from stcalib_ros.core.model.calibration import Status
     from stcalib_ros.io.results import write_result
 
     if calibration.status is not Status.OK:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from stcalib_ros.commands.terminal import table, warn
-from stcalib_ros.core.metrics import Evaluation, evaluate
-from stcalib_ros.core.types import Status
+from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
+from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.io.results import read_result
 
 DESCRIPTION = """\

@@ -8,9 +8,10 @@ from typing import TextIO
 
 import numpy as np
 
-from stcalib_ros.core.geometry import rotation_angle
-from stcalib_ros.core.shutter import line_time_text
-from stcalib_ros.core.types import Calibration, CameraCalibration, FloatArray
+from stcalib_ros.core.geometry.so3 import rotation_angle
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
+from stcalib_ros.core.model.rolling_shutter import line_time_text
 
 _BAR = 24
 
@@ -155,7 +156,7 @@ def _plus_minus(stddev: float, digits: int) -> str:
     return f" +- {stddev:.{digits}f}" if np.isfinite(stddev) else ""
 
 
-def _triple(values: FloatArray, digits: int) -> str:
+def _triple(values: Float64Array, digits: int) -> str:
     return " ".join(f"{v + 0.0:{digits + 4}.{digits}f}" for v in np.round(values, digits))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.known_lengths import Distance, distances_from_list
+from stcalib_ros.core.model.scale_cues import Distance, distances_from_list
 
 METHODS = ("correlation", "vmf")
 """Ways to register a pair of cameras: the default, and the paper's own."""

@@ -8,77 +8,50 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from stcalib_ros.core.averaging import Rig, integrate
-from stcalib_ros.core.checks import (
-    Insufficient,
+from stcalib_ros.core.bundle.covariance import pose_covariance
+from stcalib_ros.core.bundle.initialization import select_initial_rig
+from stcalib_ros.core.bundle.istba import initial_adjustment, run_istba
+from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.offset_debiasing import debias_offsets, debiased
+from stcalib_ros.core.errors import Cancelled
+from stcalib_ros.core.integration.averaging import integrate
+from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions
+from stcalib_ros.core.lifting.input_checks import (
     require_known_cameras,
     require_line_times,
     require_reference,
     select_cameras,
 )
-from stcalib_ros.core.covariance import pose_covariance
-from stcalib_ros.core.errors import Cancelled
-from stcalib_ros.core.evidence import CameraEvidence, evidence
-from stcalib_ros.core.final.clock_rate import with_clock_rates
-from stcalib_ros.core.final.image_times import added_covariance, with_image_times
-from stcalib_ros.core.final.line_time import refine_with_line_times, with_line_times
-from stcalib_ros.core.final.refine import refine
-from stcalib_ros.core.final.spline import with_splines
-from stcalib_ros.core.hypotheses import PairHypothesis
-from stcalib_ros.core.left_out import LeftOut
-from stcalib_ros.core.lift import LiftedCamera
+from stcalib_ros.core.lifting.views import LiftedViews, lift_views
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Insufficient
+from stcalib_ros.core.model.relative_pose import RelativePose
+from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.pairs import pair_tasks, registered, spread
-from stcalib_ros.core.paper.pairs import Views, lift_views
+from stcalib_ros.core.output.assemble import failed_calibration, make_calibration
+from stcalib_ros.core.output.world_frame import WorldAlignment, place
 from stcalib_ros.core.paper.stages import Grid, adjust_pairs, integrate_pairs, register_pairs
-from stcalib_ros.core.placement import Placement, place
-from stcalib_ros.core.resection import Resection, joined, register_again
-from stcalib_ros.core.result import make_calibration, nothing
-from stcalib_ros.core.rounds import Round, Unconnected, first_round, iterate, sub_rig
-from stcalib_ros.core.skeleton import Skeleton
-from stcalib_ros.core.slow_motion import put_back
-from stcalib_ros.core.starts import best_start
-from stcalib_ros.core.timeline import common_step
-from stcalib_ros.core.types import Calibration, FloatArray, Recording
-from stcalib_ros.core.velocity_noise import settled
-from stcalib_ros.core.verdict import Solution, judge, rivalry
+from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, resect
+from stcalib_ros.core.refinement.clock_skew import with_clock_skews
+from stcalib_ros.core.refinement.keypoint_bias.stage import refine_keypoint_bias
+from stcalib_ros.core.refinement.line_delay import refine_with_line_delays, with_line_delays
+from stcalib_ros.core.refinement.spline_trajectories import with_splines
+from stcalib_ros.core.refinement.timestamp_jitter import added_covariance, with_timestamp_errors
+from stcalib_ros.core.registration.executors import map_tasks
+from stcalib_ros.core.registration.pairs import pair_tasks, register
+from stcalib_ros.core.registration.resampling import common_step
+from stcalib_ros.core.stages import Stages
+from stcalib_ros.core.validation.camera_checks import CameraChecks, check_cameras
+from stcalib_ros.core.validation.verdict import Solution, judge, rivalry
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it that is done."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Stages:
-    """Results of every stage; those after a failure are empty.
-
-    Attributes
-    ----------
-    skeleton : Skeleton
-    lifted : tuple of LiftedCamera
-        In the order of the recording.
-    hypotheses : tuple of PairHypothesis
-        Of all pairs of cameras: registered (PR), and refined ones beside them.
-    rigs : tuple of Rig
-        Of the multi-view integration (MI), best first.
-    rounds : tuple of Round
-        Of the adjustment, the first and the last two: the first is STBA, the others ISTBA; where
-        key points lean one way, one more without that.
-    calibration : Calibration
-    placement : Placement or None
-        How the calibration lies in the world; None without cameras.
-    """
-
-    skeleton: Skeleton
-    lifted: tuple[LiftedCamera, ...]
-    hypotheses: tuple[PairHypothesis, ...]
-    rigs: tuple[Rig, ...]
-    rounds: tuple[Round, ...]
-    calibration: Calibration
-    placement: Placement | None = None
 
 
 def calibrate(
@@ -153,13 +126,13 @@ class _Run:
         self.recording, self.options = recording, options
         self.progress, self.cancelled, self.adjusted = progress, cancelled, adjusted
         self.executor = executor
-        self.hypotheses: tuple[PairHypothesis, ...] = ()
+        self.hypotheses: tuple[RelativePose, ...] = ()
         self.rigs: tuple[Rig, ...] = ()
-        self.rounds: tuple[Round, ...] = ()
-        self.left_out = LeftOut(
+        self.rounds: tuple[Iteration, ...] = ()
+        self.left_out = Exclusions(
             [camera.name for camera in recording.cameras], offset_range_s=options.offset_range_s
         )
-        self.placement: Placement | None = None
+        self.placement: WorldAlignment | None = None
 
     def tick(self, stage: str, fraction: float) -> None:
         """Report progress; leave if the caller wants to."""
@@ -178,7 +151,7 @@ class _Run:
         try:
             calibration = self._calibration(first)
         except Insufficient as why:
-            calibration = nothing(
+            calibration = failed_calibration(
                 self.recording,
                 status=why.status,
                 message=why.message,
@@ -211,7 +184,7 @@ class _Run:
             rng=np.random.default_rng(self.options.seed),
         )
         self.rigs = tuple(replace(rig, synchronised=self.options.synchronised) for rig in rigs)
-        start, rival = best_start(self.rigs, self._start, self.left_out, self.tick)
+        start, rival = select_initial_rig(self.rigs, self._start, self.left_out, self.tick)
         if rival is not None:
             range_s = self.options.offset_range_s
             complaint = rivalry(start, rival, offset_range_s=range_s)
@@ -219,7 +192,7 @@ class _Run:
         found = self._solved(start)
         return self._verdict(self._with_those_left_out(found, selection.cameras))
 
-    def _solved(self, start: Round, *, give_up: bool = False) -> Solution:
+    def _solved(self, start: Iteration, *, give_up: bool = False) -> Solution:
         """Adjust to the end, without cameras that have to be doubted."""
         while True:
             rounds = self._iterate(start)
@@ -243,13 +216,13 @@ class _Run:
         for c in order:
             if c not in present:
                 self.tick("registration of a camera that was left out", 0.0)
-                one = register_again(self.lifted, c, self.skeleton, before.last, self.options)
+                one = resect(self.lifted, c, self.skeleton, before.last, self.options)
                 found |= {} if one is None else {c: one}
         if not found:
             return before
-        self.left_out.take_back(list(found))
+        self.left_out.reinstate(list(found))
         try:
-            after = self._solved(self._start(joined(before.last.rig, found, order)))
+            after = self._solved(self._start(add_cameras(before.last.rig, found, order)))
         except Insufficient:
             return before
         kept = set(after.last.rig.cameras.tolist())
@@ -257,7 +230,7 @@ class _Run:
 
     def _by_the_paper(self, cameras: Sequence[int]) -> Calibration:
         """The paper's own stages, from pairwise registration to ISTBA."""
-        views = Views(self.skeleton, self.lifted)
+        views = LiftedViews(self.skeleton, self.lifted)
         grid = Grid(*self._grid(cameras), step_s=self.step_s)
         pairs = register_pairs(views, cameras, self.options, grid, self.tick)
         self.hypotheses = tuple(pair.hypothesis for pair in pairs)
@@ -267,7 +240,7 @@ class _Run:
         self.rigs = (rig,)
         while True:
             result = adjust_pairs(self.lifted, rig, pairs, self.options, grid, self.tick)
-            if not isinstance(result, Unconnected):
+            if not isinstance(result, Disconnected):
                 break
             rig = self.left_out.largest_part(rig, result)
         last = result[-1]
@@ -281,8 +254,8 @@ class _Run:
         end = max(float(self.lifted[c].stamps[-1]) for c in cameras)
         return start, int((end - start) / self.step_s) + 1
 
-    def _evidence(self, last: Round, covariance: FloatArray) -> tuple[CameraEvidence, ...]:
-        return evidence(
+    def _evidence(self, last: Iteration, covariance: Float64Array) -> tuple[CameraChecks, ...]:
+        return check_cameras(
             self.lifted,
             self.skeleton,
             last,
@@ -290,59 +263,59 @@ class _Run:
             offset_range_s=self.options.offset_range_s,
         )
 
-    def _register(self, cameras: Sequence[int]) -> tuple[PairHypothesis, ...]:
+    def _register(self, cameras: Sequence[int]) -> tuple[RelativePose, ...]:
         """Pairwise registration and two-view refinement of all pairs of cameras."""
         start, n = self._grid(cameras)
         tasks = pair_tasks(
             self.lifted, cameras, self.skeleton, self.options, start=start, step=self.step_s, n=n
         )
-        found = spread(
-            registered,
+        found = map_tasks(
+            register,
             tasks,
             self.executor,
             lambda fraction: self.tick("pairwise registration", fraction),
         )
         return tuple(h for hypotheses in found for h in hypotheses)
 
-    def _start(self, rig: Rig) -> Round:
+    def _start(self, rig: Rig) -> Iteration:
         """First round at a rig; cameras that fall off are reported and left out."""
         while True:
-            result = first_round(self.lifted, rig, self.options.bundle, step_s=self.step_s)
-            if isinstance(result, Round):
+            result = initial_adjustment(self.lifted, rig, self.options.bundle, step_s=self.step_s)
+            if isinstance(result, Iteration):
                 return result
             rig = self.left_out.largest_part(rig, result)
 
-    def _iterate(self, start: Round) -> tuple[Round, ...]:
+    def _iterate(self, start: Iteration) -> tuple[Iteration, ...]:
         while True:
-            result = iterate(
+            result = run_istba(
                 self.lifted,
                 start,
                 self.options.bundle,
                 step_s=self.step_s,
                 tick=self._tick_round,
             )
-            if not isinstance(result, Unconnected):
+            if not isinstance(result, Disconnected):
                 return result
             start = self._start(self.left_out.largest_part(start.rig, result))
 
-    def _refined(self, rounds: tuple[Round, ...]) -> tuple[tuple[Round, ...], FloatArray]:
+    def _refined(self, rounds: tuple[Iteration, ...]) -> tuple[tuple[Iteration, ...], Float64Array]:
         """Adjust with line times, biases, errors of stamps, clock rates; covariance of that."""
         bundle, layout = self.options.bundle, self.skeleton.layout
         self._tick_round(1.0, rounds[-1])
         if self.options.estimate_line_time:
-            last, refined = refine_with_line_times(self.lifted, rounds[-1], layout, bundle)
+            last, refined = refine_with_line_delays(self.lifted, rounds[-1], layout, bundle)
             rounds = (*rounds[:-1], last)
         else:
-            refined = refine(self.lifted, rounds[-1], layout, bundle)
+            refined = refine_keypoint_bias(self.lifted, rounds[-1], layout, bundle)
         if refined is not None:
             rounds += (refined.round,)
-        last = with_image_times(self.lifted, rounds[-1], bundle)
+        last = with_timestamp_errors(self.lifted, rounds[-1], bundle)
         if self.options.estimate_line_time and last.stamps is not None:
-            last = with_line_times(self.lifted, last, bundle)
-        last = with_clock_rates(last, bundle)
-        state = put_back(last.observations, last.state, iterations=bundle.max_iterations)
+            last = with_line_delays(self.lifted, last, bundle)
+        last = with_clock_skews(last, bundle)
+        state = debias_offsets(last.observations, last.state, iterations=bundle.max_iterations)
         if state is last.state:
-            state = settled(last.observations, state)
+            state = debiased(last.observations, state)
         last = with_splines(self.lifted, last.moved(last.observations, state), bundle)
         covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
         if last.lines is not None:
@@ -351,7 +324,7 @@ class _Run:
             covariance = covariance + refined.excess
         return (*rounds[:-1], last), covariance
 
-    def _tick_round(self, fraction: float, before: Round) -> None:
+    def _tick_round(self, fraction: float, before: Iteration) -> None:
         if self.adjusted is not None:
             self.adjusted(before.rms_px())
         self.tick("bundle adjustment", fraction)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.layouts import Layout
-from stcalib_ros.core.types import CameraRecording, FloatArray, IntArray, Recording, Track
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.keypoint_layouts import Layout
+from stcalib_ros.core.model.recording import CameraRecording, Recording, Track
 from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage, format_stamp, lens
 
 Warn = Callable[[str], None]
@@ -120,7 +121,7 @@ def _tracks(topic: str, images: Sequence[PoseImage], warn: Warn) -> tuple[Track,
         return ()
     frames = np.repeat(np.arange(len(images), dtype=np.int64), counts)
     ids: IntArray = np.concatenate([image.track_ids for image in images])
-    scores: FloatArray = np.concatenate([image.scores for image in images])
+    scores: Float64Array = np.concatenate([image.scores for image in images])
     order = np.lexsort((-scores, frames, ids))
     same = (np.diff(ids[order]) == 0) & (np.diff(frames[order]) == 0)
     if same.any():

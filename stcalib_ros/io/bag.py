@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.types import Recording
+from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
 from stcalib_ros.io.decode import decode
 from stcalib_ros.io.mcap_source import (

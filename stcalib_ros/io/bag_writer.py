@@ -12,8 +12,8 @@ from mcap.writer import CompressionType, Writer
 
 from stcalib_ros import __version__
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.layouts import LAYOUTS
-from stcalib_ros.core.types import CameraRecording, Intrinsics, Recording, Track
+from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
+from stcalib_ros.core.model.recording import CameraRecording, Intrinsics, Recording, Track
 from stcalib_ros.io.cdr import CdrWriter
 from stcalib_ros.io.files import atomic_path, require_writable
 from stcalib_ros.io.messages import NS

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.model.arrays import Float64Array
 
 _HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian
 
@@ -133,11 +133,11 @@ class CdrReader:
         """Take a ``string[]``."""
         return [self.string() for _ in range(self.uint32())]
 
-    def float32s(self) -> FloatArray:
+    def float32s(self) -> Float64Array:
         """Take a ``float32[]``."""
         return self._array("f4", 4, self.uint32())
 
-    def float64s(self, fixed: int | None = None) -> FloatArray:
+    def float64s(self, fixed: int | None = None) -> Float64Array:
         """Take a ``float64[]``, or a ``float64[N]`` of N = `fixed`."""
         return self._array("f8", 8, self.uint32() if fixed is None else fixed)
 
@@ -154,7 +154,7 @@ class CdrReader:
         """Take what `words` has shown."""
         self._at += n_bytes
 
-    def _array(self, kind: str, size: int, count: int) -> FloatArray:
+    def _array(self, kind: str, size: int, count: int) -> Float64Array:
         if count == 0:
             return np.zeros(0)
         self._align(size)

@@ -14,18 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.layouts import LAYOUTS, Layout, find_layout
-from stcalib_ros.core.types import (
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.calibration import (
     Calibration,
     CameraCalibration,
+    PersonAssociation,
+    Status,
+)
+from stcalib_ros.core.model.keypoint_layouts import LAYOUTS, Layout, find_layout
+from stcalib_ros.core.model.recording import (
     CameraRecording,
-    FloatArray,
-    IntArray,
     Intrinsics,
     LensModel,
-    PersonAssociation,
     Recording,
-    Status,
     Track,
 )
 from stcalib_ros.io.messages import NS
@@ -258,8 +259,8 @@ def _truth(path: Path, arrays: Arrays, recording: Recording, shifts: list[float]
 def _true_camera(
     arrays: Arrays, c: int, camera: CameraRecording, offset_s: float
 ) -> CameraCalibration:
-    R_cam_world: FloatArray = np.asarray(arrays["R"], dtype=np.float64)
-    t_cam_world: FloatArray = np.asarray(arrays["t"], dtype=np.float64)
+    R_cam_world: Float64Array = np.asarray(arrays["R"], dtype=np.float64)
+    t_cam_world: Float64Array = np.asarray(arrays["t"], dtype=np.float64)
     R_ref_cam = R_cam_world[0] @ R_cam_world[c].T if c else np.eye(3)
     return CameraCalibration(
         name=camera.name,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.types import Calibration
+from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.io.files import write_text
 from stcalib_ros.io.results import read_result, result_text
 

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.intrinsics import intrinsics_from_camera_info
-from stcalib_ros.core.layouts import Layout, find_layout
-from stcalib_ros.core.types import FloatArray, IntArray, Intrinsics
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
+from stcalib_ros.core.model.keypoint_layouts import Layout, find_layout
+from stcalib_ros.core.model.recording import Intrinsics
 
 NS = 1_000_000_000
 
@@ -59,7 +60,7 @@ class PoseImage:
     rectified: bool
     metric: bool
     track_ids: IntArray
-    scores: FloatArray
+    scores: Float64Array
     keypoints: Float32Array
     joints: Float32Array
     joint_scores: Float32Array

@@ -10,18 +10,17 @@ import numpy as np
 import yaml
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.geometry import matrix_from_quaternion, quaternion_from_matrix
-from stcalib_ros.core.types import (
+from stcalib_ros.core.geometry.so3 import matrix_from_quaternion, quaternion_from_matrix
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import (
     Calibration,
     CameraCalibration,
-    FloatArray,
-    Intrinsics,
-    LensModel,
     PairResidual,
     PersonAssociation,
     Status,
     UncalibratedCamera,
 )
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.io.files import write_text
 from stcalib_ros.io.yaml_files import read_yaml
 
@@ -235,7 +234,7 @@ class _Entry:
                 pass
         raise self._expected("a number")
 
-    def numbers(self, count: int | None = None, *, finite: bool = True) -> FloatArray:
+    def numbers(self, count: int | None = None, *, finite: bool = True) -> Float64Array:
         """Flat list of numbers."""
         entries = self.elements()
         if count is not None and len(entries) != count:
@@ -252,7 +251,7 @@ class _Entry:
         except KeyError:
             raise self._expected(f"one of {', '.join(s.name for s in Status)}") from None
 
-    def rotation(self) -> FloatArray:
+    def rotation(self) -> Float64Array:
         """Rotation matrix of a quaternion x, y, z, w."""
         q = self.numbers(4)
         if abs(np.linalg.norm(q) - 1.0) > 1e-3:
@@ -335,7 +334,7 @@ def _window(entry: _Entry) -> tuple[float, float]:
     return first, last
 
 
-def _square(entry: _Entry) -> FloatArray:
+def _square(entry: _Entry) -> Float64Array:
     rows = entry.elements()
     out = np.array([row.numbers(len(rows), finite=False) for row in rows], dtype=np.float64)
     return out.reshape(len(rows), len(rows))

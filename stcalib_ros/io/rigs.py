@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.synthetic import Rig
-from stcalib_ros.core.types import Intrinsics, LensModel
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.core.synthetic import SceneRig
 
 
-def read_rig(path: Path) -> Rig:
+def read_rig(path: Path) -> SceneRig:
     """Read the cameras of a real rig.
 
     The file is a JSON object; its ``cameras`` are objects with ``name``, ``image_size`` (width,
@@ -26,7 +26,7 @@ def read_rig(path: Path) -> Rig:
     """
     try:
         cameras = json.loads(path.read_text(encoding="utf-8"))["cameras"]
-        return Rig(
+        return SceneRig(
             names=tuple(str(c["name"]) for c in cameras),
             intrinsics=tuple(_lens(c) for c in cameras),
             R_cam_world=np.array([c["R"] for c in cameras], dtype=np.float64),

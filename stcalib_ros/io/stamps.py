@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.types import Calibration
+from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.io.messages import NS
 
 _STAMP_AT = 4

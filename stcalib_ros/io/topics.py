@@ -35,7 +35,7 @@ class CameraSelection:
     cameras: tuple[str, ...] | None = None
     camera: Mapping[str, CameraTopics] = field(default_factory=dict)
 
-    def with_line_times(self, line_times_s: Mapping[str, float]) -> CameraSelection:
+    def with_line_delays(self, line_times_s: Mapping[str, float]) -> CameraSelection:
         """The same with line times by name of camera; they take precedence."""
         changed = {
             name: replace(self.camera.get(name, CameraTopics()), line_time_s=line_s)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.observations import Observations
-from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.placement import Placement
-from stcalib_ros.core.reconstruction import person_rows
-from stcalib_ros.core.stba import at_images
-from stcalib_ros.core.types import FloatArray, IntArray
+from stcalib_ros.core.bundle.observations import Observations
+from stcalib_ros.core.bundle.residuals import at_images
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.output.world_frame import WorldAlignment
+from stcalib_ros.core.reconstruction.trajectories import person_rows
+from stcalib_ros.core.stages import Stages
 from stcalib_ros.report.room import Room
 
 _LIMBS = ("wrist", "ankle", "elbow", "knee")
@@ -35,9 +35,9 @@ class Curve:
     """
 
     camera: str
-    stamps_s: FloatArray
-    times_s: FloatArray
-    height: FloatArray
+    stamps_s: Float64Array
+    times_s: Float64Array
+    height: Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +74,7 @@ def liveliest_movement(stages: Stages, room: Room) -> Movement | None:
     return None if best is None else best[1]
 
 
-def _parts(times: FloatArray) -> list[slice]:
+def _parts(times: Float64Array) -> list[slice]:
     """Rows of stretches of a few seconds, half overlapping."""
     middle = np.nanmean(times, axis=1)
     starts = np.arange(middle[0], max(middle[-1] - _LONGEST_S, middle[0]) + 1e-9, _LONGEST_S / 2.0)
@@ -96,7 +96,7 @@ def _curves(stages: Stages, sights: _Sights, part: slice, j: int) -> tuple[Curve
     )
 
 
-def _spread(height: FloatArray) -> float:
+def _spread(height: Float64Array) -> float:
     known = height[np.isfinite(height)]
     low, high = np.percentile(known, [5, 95])
     return float(high - low) * len(known) / len(height)
@@ -113,12 +113,12 @@ class _Sights:
         NaN where there is no image.
     """
 
-    heights: FloatArray
-    stamps_s: FloatArray
-    times_s: FloatArray
+    heights: Float64Array
+    stamps_s: Float64Array
+    times_s: Float64Array
 
 
-def _sights(stages: Stages, placement: Placement, room: Room, rows: IntArray) -> _Sights:
+def _sights(stages: Stages, placement: WorldAlignment, room: Room, rows: IntArray) -> _Sights:
     last = stages.rounds[-1]
     o, state = last.observations, last.state
     elapsed = o.phi[rows] + state.shift_s
@@ -137,7 +137,7 @@ def _sights(stages: Stages, placement: Placement, room: Room, rows: IntArray) ->
     return _Sights(heights[:, order], (times - last.rig.offset_s)[:, order], times[:, order])
 
 
-def _directions(o: Observations, rows: IntArray, c: int) -> FloatArray:
+def _directions(o: Observations, rows: IntArray, c: int) -> Float64Array:
     """Unit directions (N, J, 3) to the joints in the optical frame of camera c."""
     x = o.x[rows, c]
     b = np.concatenate([x, np.ones_like(x[..., :1])], -1)

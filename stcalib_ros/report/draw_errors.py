@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stcalib_ros.core import stba
-from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.bundle.residuals import errors_px
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.stages import Stages
 from stcalib_ros.report.style import PALETTE
 
 _COLUMNS = 4
@@ -24,8 +24,8 @@ class CameraErrors:
     """Reprojection errors of one camera, px: of image points that fit, and of the others."""
 
     name: str
-    inliers: FloatArray
-    outliers: FloatArray
+    inliers: Float64Array
+    outliers: Float64Array
 
     @property
     def share(self) -> float:
@@ -38,7 +38,7 @@ def camera_errors(stages: Stages) -> tuple[CameraErrors, ...]:
     if not stages.calibration.cameras:
         return ()
     last = stages.rounds[-1]
-    errors = stba.errors_px(last.observations, last.state)
+    errors = errors_px(last.observations, last.state)
     known = np.isfinite(errors)
     inside, outside = known & last.state.used, known & ~last.state.used
     names = [stages.lifted[c].name for c in last.rig.cameras]

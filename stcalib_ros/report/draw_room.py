@@ -13,9 +13,9 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
-from stcalib_ros.core.reconstruction import bones
-from stcalib_ros.core.types import FloatArray
-from stcalib_ros.core.upright import ANKLES, HEAD, SHOULDERS
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.output.gravity import ANKLES, HEAD, SHOULDERS
+from stcalib_ros.core.reconstruction.trajectories import bones
 from stcalib_ros.report.room import Person, PlacedCamera, Room
 from stcalib_ros.report.style import FLOOR, FLOOR_LINES, INK, PEOPLE, camera_colors
 from stcalib_ros.report.view import View, best_view, crown, frustum_depth
@@ -89,7 +89,7 @@ def _around(left: float, right: float, near: float, far: float) -> list[tuple[fl
     return [(left, near), (right, near), (right, far), (left, far)]
 
 
-def _known(joints: FloatArray) -> FloatArray:
+def _known(joints: Float64Array) -> Float64Array:
     return np.asarray(joints[np.isfinite(joints).all(-1)])
 
 
@@ -169,7 +169,9 @@ def _part_labels(labels: Sequence[Annotation]) -> None:
         placed.append(label.get_window_extent().padded(_CLEARANCE))
 
 
-def _label(ax: Axes, text: str, at: FloatArray, away: FloatArray, color: str, **font: Any) -> None:
+def _label(
+    ax: Axes, text: str, at: Float64Array, away: Float64Array, color: str, **font: Any
+) -> None:
     """Write beside a point, towards `away`."""
     direction = away / max(float(np.linalg.norm(away)), 1e-9)
     horizontal = "center" if abs(direction[0]) < 0.5 else "left" if direction[0] > 0 else "right"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from stcalib_ros.core.timeline import frame_period
-from stcalib_ros.core.types import CameraRecording, FloatArray, Recording
+from stcalib_ros.core.geometry.interpolation import frame_period
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.report.style import FAINT, PALETTE
 
 _BRIDGED = 2.6
@@ -34,7 +35,7 @@ def sightings_figure(recording: Recording) -> Figure:
     return figure
 
 
-def _stretches(camera: CameraRecording, times: FloatArray) -> list[tuple[float, float]]:
+def _stretches(camera: CameraRecording, times: Float64Array) -> list[tuple[float, float]]:
     """Intervals in which a track is seen without gaps."""
     if not len(times):
         return []

@@ -7,9 +7,10 @@ import io
 import matplotlib
 from matplotlib.figure import Figure
 
-from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.reconstruction import reconstruct
-from stcalib_ros.core.types import Calibration, Recording, Status
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.reconstruction.trajectories import reconstruct
+from stcalib_ros.core.stages import Stages
 from stcalib_ros.report.curves import liveliest_movement
 from stcalib_ros.report.draw_errors import camera_errors, errors_figure
 from stcalib_ros.report.draw_sightings import sightings_figure

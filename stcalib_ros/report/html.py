@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.types import Calibration, Recording, Status
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.stages import Stages
 from stcalib_ros.io.files import write_text
 from stcalib_ros.report import tables
 from stcalib_ros.report.figures import errors_png, overview_png, sightings_png

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stcalib_ros.core.geometry import umeyama
-from stcalib_ros.core.layouts import Layout
-from stcalib_ros.core.reconstruction import PersonTrajectory
-from stcalib_ros.core.types import Calibration, CameraCalibration, FloatArray
-from stcalib_ros.core.upright import find_upright
+from stcalib_ros.core.geometry.alignment import umeyama
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
+from stcalib_ros.core.model.keypoint_layouts import Layout
+from stcalib_ros.core.output.gravity import find_upright
+from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
 
 _FEET = ("ankle", "heel", "toe", "foot")
 _BLOCK_S = 1.0
@@ -31,11 +32,11 @@ class PlacedCamera:
     """
 
     name: str
-    R_room_cam: FloatArray
-    centre: FloatArray
-    tangent: FloatArray
+    R_room_cam: Float64Array
+    centre: Float64Array
+    tangent: Float64Array
 
-    def frustum(self, depth: float) -> FloatArray:
+    def frustum(self, depth: float) -> Float64Array:
         """Corners (4, 3) of the image at a depth, clockwise from the top left."""
         signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         corners = np.concatenate([signs * self.tangent, np.ones((4, 1))], -1)
@@ -56,15 +57,15 @@ class Person:
 
     person_id: int
     layout: Layout
-    joints: FloatArray
+    joints: Float64Array
 
-    def of(self, names: Sequence[str]) -> FloatArray:
+    def of(self, names: Sequence[str]) -> Float64Array:
         """Paths (K, N, 3) of those of the named joints that the layout has."""
         own = self.layout.joint_names
         return np.asarray(self.joints[:, [own.index(name) for name in names if name in own]])
 
     @property
-    def feet(self) -> FloatArray:
+    def feet(self) -> Float64Array:
         """Paths (K, N, 3) of the joints of the feet."""
         names = self.layout.joint_names
         return self.of([name for name in names if any(part in name for part in _FEET)])
@@ -89,11 +90,11 @@ class Room:
     cameras: tuple[PlacedCamera, ...]
     true_cameras: tuple[PlacedCamera, ...]
     people: tuple[Person, ...]
-    R_room_ref: FloatArray
-    t_room_ref: FloatArray
+    R_room_ref: Float64Array
+    t_room_ref: Float64Array
     metric: bool
 
-    def placed(self, points: FloatArray) -> FloatArray:
+    def placed(self, points: Float64Array) -> Float64Array:
         """Points (..., 3) of the calibration's frame in the room."""
         return np.asarray(points @ self.R_room_ref.T + self.t_room_ref)
 
@@ -105,7 +106,7 @@ def make_room(
 ) -> Room:
     """Stand a calibration upright.
 
-    As `stcalib_ros.core.upright` does it; where nobody tells what is up, cameras do.
+    As `stcalib_ros.core.output.gravity` does it; where nobody tells what is up, cameras do.
 
     Parameters
     ----------
@@ -131,14 +132,14 @@ def make_room(
     )
 
 
-def _known(joints: FloatArray) -> FloatArray:
+def _known(joints: Float64Array) -> Float64Array:
     """Those positions (N, 3) that are finite."""
     return np.asarray(joints[np.isfinite(joints).all(-1)])
 
 
 def _standing(
     calibration: Calibration, people: Sequence[PersonTrajectory]
-) -> tuple[FloatArray, float]:
+) -> tuple[Float64Array, float]:
     """Rotation from the frame of the calibration to one with z up, and what to add to z."""
     if calibration.frame_id:
         return np.eye(3), 0.0
@@ -158,14 +159,14 @@ def _standing(
     return np.stack([x, np.cross(z, x), z]), -float((np.concatenate(points) @ z).min())
 
 
-def _along_walls(R: FloatArray, centres: FloatArray) -> FloatArray:
+def _along_walls(R: Float64Array, centres: Float64Array) -> Float64Array:
     """The same rotation turned about z, with x along the longest extent of the cameras."""
     xy = (centres - centres.mean(0)) @ R[:2].T
     cosine, sine = np.linalg.svd(xy)[2][0]
     return np.asarray(np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ R)
 
 
-def _placed(camera: CameraCalibration, R: FloatArray, t: FloatArray) -> PlacedCamera:
+def _placed(camera: CameraCalibration, R: Float64Array, t: Float64Array) -> PlacedCamera:
     lens = camera.intrinsics
     return PlacedCamera(
         camera.name,

@@ -7,18 +7,13 @@ from datetime import datetime, timezone
 
 import numpy as np
 
-from stcalib_ros.core.geometry import quaternion_from_matrix, rotation_angle
-from stcalib_ros.core.pipeline import Stages
-from stcalib_ros.core.shutter import line_time_text
-from stcalib_ros.core.timeline import frame_period
-from stcalib_ros.core.types import (
-    Calibration,
-    CameraCalibration,
-    CameraRecording,
-    FloatArray,
-    Recording,
-    Status,
-)
+from stcalib_ros.core.geometry.interpolation import frame_period
+from stcalib_ros.core.geometry.so3 import quaternion_from_matrix, rotation_angle
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
+from stcalib_ros.core.model.recording import CameraRecording, Recording
+from stcalib_ros.core.model.rolling_shutter import line_time_text
+from stcalib_ros.core.stages import Stages
 from stcalib_ros.report.draw_errors import CameraErrors, camera_errors
 from stcalib_ros.report.markup import heading, paragraph, table
 
@@ -125,7 +120,7 @@ def _offset(camera: CameraCalibration) -> str:
     return text + line_time_text(camera)
 
 
-def _numbers(values: FloatArray, digits: int) -> str:
+def _numbers(values: Float64Array, digits: int) -> str:
     return ", ".join(f"{v + 0.0:.{digits}f}" for v in np.round(values, digits))
 
 

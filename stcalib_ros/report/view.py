@@ -7,7 +7,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.report.room import Room
 
 _ELEVATIONS = np.radians([20.0, 26.0, 32.0, 38.0, 46.0])
@@ -40,16 +40,16 @@ class View:
     distance : float
     """
 
-    R: FloatArray
-    middle: FloatArray
+    R: Float64Array
+    middle: Float64Array
     distance: float
 
-    def project(self, points: FloatArray) -> FloatArray:
+    def project(self, points: Float64Array) -> Float64Array:
         """Positions (..., 2) on the page, y up, of points (..., 3) of the room."""
         p = (points - self.middle) @ self.R.T
         return np.asarray(p[..., :2] * (self.distance / (self.distance - p[..., 2:])))
 
-    def nearness(self, points: FloatArray) -> float:
+    def nearness(self, points: Float64Array) -> float:
         """Larger for what is nearer to the viewer and has to be drawn later."""
         return float(np.nanmean((points - self.middle) @ self.R[2]))
 
@@ -60,7 +60,7 @@ def frustum_depth(room: Room) -> float:
     return _FRUSTUM * float(np.linalg.norm(np.ptp(centres, axis=0)))
 
 
-def crown(joints: FloatArray) -> FloatArray:
+def crown(joints: Float64Array) -> Float64Array:
     """Point (3,) over the middle of a person, as high as the highest of the joints (N, 3)."""
     return np.append(joints[:, :2].mean(0), joints[:, 2].max())
 
@@ -82,9 +82,9 @@ def best_view(room: Room) -> View:
 class _Outline:
     """Some points (N, 3) of something, and away from which its name will stand."""
 
-    points: FloatArray
-    top: FloatArray
-    away_from: FloatArray
+    points: Float64Array
+    top: Float64Array
+    away_from: Float64Array
 
 
 def _outlines(room: Room) -> list[_Outline]:
@@ -102,7 +102,7 @@ def _outlines(room: Room) -> list[_Outline]:
     return outlines
 
 
-def _axes(azimuth: float, elevation: float) -> FloatArray:
+def _axes(azimuth: float, elevation: float) -> Float64Array:
     level, up = np.cos(elevation), np.sin(elevation)
     towards = np.array([np.cos(azimuth) * level, np.sin(azimuth) * level, up])
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
@@ -123,7 +123,7 @@ def _clearness(view: View, outlines: list[_Outline]) -> float:
     return -crowded - _STEEP * float(view.R[2, 2])
 
 
-def _name(view: View, outline: _Outline, height: float) -> FloatArray:
+def _name(view: View, outline: _Outline, height: float) -> Float64Array:
     """Ends of the name on the page, (2, 2)."""
     top, below = view.project(np.array([outline.top, outline.away_from]))
     direction = (top - below) / max(float(np.linalg.norm(top - below)), 1e-9)

@@ -14,13 +14,13 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
-from stcalib_ros.core.types import (
+from stcalib_ros.core.model.calibration import (
     Calibration,
     CameraCalibration,
-    Intrinsics,
     PairResidual,
     PersonAssociation,
 )
+from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.io.messages import NS, camera_info_fields, lens
 from stcalib_ros.io.schemas import CAMERA_INFO, POSES
 from stcalib_ros.io.stamps import ClockCorrection

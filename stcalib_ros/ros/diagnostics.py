@@ -9,7 +9,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from stcalib_ros.core.watch.verdict import Verdict
+from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.io.schemas import CAMERA_INFO, POSES
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.model.arrays import Float64Array
 
 SPAN_S = 60.0
 _MAX_GAP = 1_000_000
@@ -51,7 +51,7 @@ class Meter:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._new: tuple[list[float], list[float]] = ([], [])
-        self._slices: deque[tuple[float, FloatArray, FloatArray]] = deque()
+        self._slices: deque[tuple[float, Float64Array, Float64Array]] = deque()
 
     def waited(self, delay_s: float) -> None:
         """Note how long a message has waited; the clock may have been set back meanwhile."""
@@ -112,7 +112,7 @@ class LossCounter:
         self._last = number
 
 
-def _quantiles(values: FloatArray, percents: tuple[int, ...]) -> tuple[float, ...]:
+def _quantiles(values: Float64Array, percents: tuple[int, ...]) -> tuple[float, ...]:
     if not len(values):
         return (math.nan,) * len(percents)
     return tuple(float(v) for v in np.percentile(values, percents))

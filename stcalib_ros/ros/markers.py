@@ -8,7 +8,8 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from stcalib_ros.core.types import Calibration, CameraCalibration, FloatArray
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 
 _DEPTH = 0.15
 """Length of a frustum, as a share of the largest distance between two cameras."""
@@ -53,7 +54,7 @@ def _frustum(camera: CameraCalibration, header: Header, number: int, depth: floa
     )
 
 
-def _corners(camera: CameraCalibration, depth: float) -> FloatArray:
+def _corners(camera: CameraCalibration, depth: float) -> Float64Array:
     """(4, 3) corners of the image at a depth, in the reference frame; the lens taken as ideal."""
     lens = camera.intrinsics
     u = np.array([0.0, lens.width, lens.width, 0.0])
@@ -75,5 +76,5 @@ def _name(camera: CameraCalibration, header: Header, number: int, depth: float) 
     )
 
 
-def _point(p: FloatArray) -> Point:
+def _point(p: Float64Array) -> Point:
     return Point(x=float(p[0]), y=float(p[1]), z=float(p[2]))

@@ -23,9 +23,9 @@ from rclpy.task import Future
 from sensor_msgs.msg import CameraInfo
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.support import replaces
-from stcalib_ros.core.types import Calibration, Status
-from stcalib_ros.core.watch.verdict import Verdict
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.monitoring.alarms import Verdict
+from stcalib_ros.core.monitoring.replacement import should_replace
 from stcalib_ros.io.history import History, Kept
 from stcalib_ros.msg import CalibrationResult, PersonPose3DArray
 from stcalib_ros.ros.buffers import Buffers, Counts
@@ -258,7 +258,7 @@ class Calibrator:
     def _conclude(self, outcome: Outcome) -> None:
         job, calibration = outcome.job, outcome.calibration
         old = None if self.in_force is None else self.in_force.calibration
-        taken, reason = replaces(calibration, old, requested=job.requested, wrong=job.wrong)
+        taken, reason = should_replace(calibration, old, requested=job.requested, wrong=job.wrong)
         if taken:
             verdict = f"in force, since {reason}{self._take(calibration, job.run_id)}"
         else:

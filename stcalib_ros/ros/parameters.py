@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.monitoring.alarms import Thresholds
 from stcalib_ros.core.options import Options, options_from_mapping
-from stcalib_ros.core.watch.verdict import Thresholds
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.io.yaml_files import parse_yaml
 from stcalib_ros.ros.streams import Limits

@@ -10,7 +10,7 @@ from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from visualization_msgs.msg import MarkerArray
 
-from stcalib_ros.core.types import Calibration
+from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, TimeOffset
 from stcalib_ros.ros.convert import extrinsics_messages
 from stcalib_ros.ros.markers import camera_markers

@@ -12,7 +12,8 @@ from stcalib_ros.cli import EPILOG, run_command
 from stcalib_ros.commands import calibrate
 
 if TYPE_CHECKING:
-    from stcalib_ros.core.types import Calibration, CameraCalibration, Recording
+    from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
+    from stcalib_ros.core.model.recording import Recording
 
 _DESCRIPTION = """\
 Calibrate from a bag, publish the result, play the bag to others: each of them if asked to.

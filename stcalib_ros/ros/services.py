@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 
 from stcalib_ros.action import Calibrate
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.types import Calibration, Status
+from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.ros.worker import Step
 from stcalib_ros.srv import Recalibrate, SaveCalibration
 

@@ -19,8 +19,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from stcalib_ros.core.errors import Cancelled, StcalibError
+from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.types import Calibration
 from stcalib_ros.io.assemble import CameraImages, assemble_recording
 
 _POLL_S = 0.05

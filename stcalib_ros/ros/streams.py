@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stcalib_ros.core.layouts import Layout
+from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.io.messages import NS, PoseImage, format_stamp
 
 MAX_TEXT = 256

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.types import Calibration
-from stcalib_ros.core.watch.span import SPAN_S, Span, examine
-from stcalib_ros.core.watch.verdict import KEPT_SPANS, State, Thresholds, Verdict, judge
+from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.monitoring.alarms import KEPT_SPANS, State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.spans import SPAN_S, Span, check_span
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
 from stcalib_ros.io.messages import NS
 
@@ -173,7 +173,7 @@ def _examined(
         recording = assemble_recording(images, warn=lambda _: None)
     except InputError:  # the calibration will say so; here it is nothing to go by
         return empty
-    return examine(
+    return check_span(
         recording,
         calibration,
         start_s=start_s,

@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from stcalib_ros.core.errors import Cancelled, InputError
+from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.types import Calibration, Status
 from stcalib_ros.io.assemble import CameraImages, Warn
 from stcalib_ros.ros.solver import SolverError, calibrate_apart
 

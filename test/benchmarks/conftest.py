@@ -4,9 +4,10 @@ from collections.abc import Callable
 
 import pytest
 
-from benchmarks import floor, measure
+from benchmarks.accuracy import cramer_rao as floor
+from benchmarks.accuracy import measure
+from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.synthetic import Scene, simulate
-from stcalib_ros.core.types import Calibration
 
 
 @pytest.fixture

@@ -21,12 +21,13 @@ from core_helpers import (
 )
 
 from stcalib_ros.core.errors import Cancelled
-from stcalib_ros.core.geometry import rotation_angle
-from stcalib_ros.core.layouts import layout_from_names
-from stcalib_ros.core.metrics import evaluate
+from stcalib_ros.core.evaluation.metrics import evaluate
+from stcalib_ros.core.geometry.so3 import rotation_angle
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.keypoint_layouts import layout_from_names
+from stcalib_ros.core.model.recording import Track
 from stcalib_ros.core.pipeline import calibrate, run_stages
 from stcalib_ros.core.synthetic import simulate
-from stcalib_ros.core.types import Calibration, Status, Track
 
 NAMES = ["cam0", "cam1", "cam2"]
 

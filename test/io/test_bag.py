@@ -17,8 +17,8 @@ from mcap.writer import CompressionType, IndexType, Writer
 from mcap_ros2.decoder import DecoderFactory
 
 from stcalib_ros.core.errors import Cancelled
-from stcalib_ros.core.layouts import layout_from_names
-from stcalib_ros.core.types import Recording, Track
+from stcalib_ros.core.model.keypoint_layouts import layout_from_names
+from stcalib_ros.core.model.recording import Recording, Track
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_recording
 from stcalib_ros.io.schemas import POSES, schema_text

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from stcalib_ros.cli import main
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.layouts import LAYOUTS
+from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.convert import ConvertOptions, convert_npz
 from stcalib_ros.io.results import read_result

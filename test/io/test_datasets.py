@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from stcalib_ros.cli import main
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.layouts import LAYOUTS
-from stcalib_ros.core.metrics import evaluate
+from stcalib_ros.core.evaluation.metrics import evaluate
+from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.convert import Converted, ConvertOptions, convert_arrays
 from stcalib_ros.io.datasets import DatasetOptions, read_dataset

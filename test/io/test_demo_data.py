@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import stcalib_ros
-from stcalib_ros.core.geometry import project
-from stcalib_ros.core.types import Calibration, Recording
+from stcalib_ros.core.geometry.lens import project
+from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.results import read_result
 

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.types import Calibration, CameraCalibration, Intrinsics, LensModel, Status
+from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.io.history import MAX_FILES, History, Kept
 from stcalib_ros.io.results import write_result
 

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from scipy.spatial.transform import Rotation
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.types import (
+from stcalib_ros.core.model.calibration import (
     Calibration,
     CameraCalibration,
     PairResidual,

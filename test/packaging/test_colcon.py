@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import stcalib_ros
-from stcalib_ros.core.types import Status
+from stcalib_ros.core.model.calibration import Status
 
 pytestmark = [
     pytest.mark.slow,

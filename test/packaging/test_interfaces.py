@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.types import Status
+from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.msgdefs import definition
 
 PROMISED = {

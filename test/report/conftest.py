@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from stcalib_ros.core.pipeline import Stages, run_stages
+from stcalib_ros.core.model.calibration import Status
+from stcalib_ros.core.pipeline import run_stages
+from stcalib_ros.core.stages import Stages
 from stcalib_ros.core.synthetic import Scene, SceneOptions, simulate
-from stcalib_ros.core.types import Status
 from stcalib_ros.io.mocap import shipped_clips
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from stcalib_ros.cli import main
+from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.synthetic import Scene
-from stcalib_ros.core.types import Recording
 from stcalib_ros.io.bag_writer import write_recording
 
 

@@ -24,9 +24,10 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.core.types import Calibration, Recording, Status
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_recording
 from stcalib_ros.io.mocap import shipped_clips

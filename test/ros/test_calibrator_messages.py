@@ -16,7 +16,7 @@ from samples import STAMP, calibration
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker
 
-from stcalib_ros.core.watch.verdict import State, Verdict
+from stcalib_ros.core.monitoring.alarms import State, Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts
 from stcalib_ros.ros.diagnostics import SolverState, camera_status, load_status, solver_status

@@ -13,8 +13,8 @@ import yaml
 from plain import CAMERA, Ear, fill, info, poses
 
 from stcalib_ros.core.errors import Cancelled, InputError
+from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.types import Status
 from stcalib_ros.ros import worker as worker_module
 from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.parameters import CAMERAS, all_specs, settings_from

@@ -21,8 +21,8 @@ from samples import calibration
 from stcalib_ros.msg import CalibrationResult
 from std_srvs.srv import Trigger
 
+from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.core.types import Calibration
 from stcalib_ros.io.bag_writer import write_recording
 from stcalib_ros.io.history import History
 from stcalib_ros.io.mocap import shipped_clips

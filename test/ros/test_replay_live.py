@@ -23,9 +23,10 @@ from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, TimeOffset
 from stcalib_ros.srv import Recalibrate
 from visualization_msgs.msg import MarkerArray
 
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.core.types import Calibration, Recording, Status
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_recording
 from stcalib_ros.io.mcap_source import RawMessage

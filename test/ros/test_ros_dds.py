@@ -32,7 +32,7 @@ def talker() -> Iterator[None]:
     here = Path(__file__)
     paths = [str(here.parents[2]), os.environ.get("PYTHONPATH", "")]
     process = subprocess.Popen(
-        [sys.executable, str(here.with_name("talker.py"))],
+        [sys.executable, str(here.parents[1] / "helpers" / "talker.py")],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},
     )
     yield

@@ -15,11 +15,11 @@ pytest.importorskip("stcalib_ros.msg", reason="the messages are not built: make 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from live import Client, LiveNode
 
-from stcalib_ros.core.excerpt import excerpt
-from stcalib_ros.core.geometry import rotation_angle
+from stcalib_ros.core.geometry.so3 import rotation_angle
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.recording import excerpt
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import CameraChange, SceneOptions, simulate
-from stcalib_ros.core.types import Calibration, Status
 from stcalib_ros.io.bag_writer import write_recording
 from stcalib_ros.io.history import History
 from stcalib_ros.io.mocap import shipped_clips

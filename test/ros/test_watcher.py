@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stcalib_ros.core.model.recording import CameraRecording
+from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict
+from stcalib_ros.core.monitoring.spans import SPAN_S
 from stcalib_ros.core.synthetic import CameraChange, Scene, SceneOptions, simulate
-from stcalib_ros.core.types import CameraRecording
-from stcalib_ros.core.watch.span import SPAN_S
-from stcalib_ros.core.watch.verdict import State, Thresholds, Verdict
 from stcalib_ros.io.assemble import CameraImages
 from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage
 from stcalib_ros.ros.watcher import Watcher
@@ -174,7 +174,7 @@ def test_an_error_in_the_examination_is_said_and_the_watch_goes_on(quiet, monkey
     from stcalib_ros.ros import watcher as module
 
     live = Live(quiet)
-    monkeypatch.setattr(module, "examine", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr(module, "check_span", lambda *_, **__: 1 / 0)
     assert live.until(3.0) == ()
     assert live.lines == ["the watch could not look at the last images: division by zero"]
     monkeypatch.undo()

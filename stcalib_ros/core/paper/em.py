@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.geometry import best_rotation
+from stcalib_ros.core.geometry.alignment import best_rotation
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.paper.vmf import VonMisesFisher, log_normaliser
-from stcalib_ros.core.types import BoolArray, FloatArray
 
 _MAX_ITERATIONS = 40
 _CONVERGED = 1e-6
@@ -41,9 +41,9 @@ class Evidence:
         Where both persons are seen.
     """
 
-    B: FloatArray
-    log_c: FloatArray
-    frames: FloatArray
+    B: Float64Array
+    log_c: Float64Array
+    frames: Float64Array
     present: BoolArray
 
     def of_sources(self, sources: list[int]) -> Evidence:
@@ -57,7 +57,7 @@ class Evidence:
 
 
 def gather_evidence(
-    target: FloatArray, known: FloatArray, source: VonMisesFisher, seen: BoolArray
+    target: Float64Array, known: Float64Array, source: VonMisesFisher, seen: BoolArray
 ) -> Evidence:
     """Sufficient statistics of all persons and offsets.
 
@@ -97,12 +97,12 @@ class Mixture:
     log_likelihood : (L, K) ndarray
     """
 
-    R: FloatArray
-    gamma: FloatArray
-    log_likelihood: FloatArray
+    R: Float64Array
+    gamma: Float64Array
+    log_likelihood: Float64Array
 
 
-def maximise(evidence: Evidence, R: FloatArray) -> Mixture:
+def maximise(evidence: Evidence, R: Float64Array) -> Mixture:
     """Alternate between responsibilities, mixing proportions and rotation until convergence.
 
     Parameters
@@ -127,8 +127,8 @@ def maximise(evidence: Evidence, R: FloatArray) -> Mixture:
 
 
 def responsibilities(
-    evidence: Evidence, R: FloatArray, pi: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+    evidence: Evidence, R: Float64Array, pi: Float64Array
+) -> tuple[Float64Array, Float64Array]:
     """Eq. gamma, by log-sum-exp: the soft association of every target person.
 
     Parameters
@@ -159,7 +159,7 @@ def responsibilities(
     return gamma, log_p.sum((2, 3, 4))
 
 
-def mixing_proportions(gamma: FloatArray) -> FloatArray:
+def mixing_proportions(gamma: Float64Array) -> Float64Array:
     """Eq. closed_form_pi: share (L, K, W, 1, Q) of the responsibilities of each source person."""
     mass = gamma.sum(-2, keepdims=True)
     return np.asarray(mass / np.maximum(mass.sum(-1, keepdims=True), _LEAST_PI))

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from stcalib_ros.core.types import BoolArray, FloatArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 
 
 def mean_angles(
-    target: FloatArray,
-    known_target: FloatArray,
-    source: FloatArray,
-    known_source: FloatArray,
-    R: FloatArray,
-) -> FloatArray:
+    target: Float64Array,
+    known_target: Float64Array,
+    source: Float64Array,
+    known_source: Float64Array,
+    R: Float64Array,
+) -> Float64Array:
     """Angle between oriented points after rotation, mean over frames and joints, rad.
 
     The paper sums over the frames; the mean compares persons who are seen for different times.
@@ -46,7 +46,7 @@ def mean_angles(
     return out
 
 
-def match(angles: FloatArray, no_match_rad: float) -> BoolArray:
+def match(angles: Float64Array, no_match_rad: float) -> BoolArray:
     """Best one-to-one association A of every window, where nobody is matched at a larger angle.
 
     Parameters

@@ -11,13 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from stcalib_ros.core.association import Association, Chain
-from stcalib_ros.core.averaging import Rig, spanning_tree
-from stcalib_ros.core.lift import LiftedCamera
+from stcalib_ros.core.geometry.graphs import spanning_tree
+from stcalib_ros.core.integration.association import Association, Chain
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.paper.registration import PairRegistration
-from stcalib_ros.core.types import FloatArray, IntArray
 
-_Edge = tuple[int, int, FloatArray]
+_Edge = tuple[int, int, Float64Array]
 """Camera, camera (positions in the rig), votes (S, P, Q) of their tracks in every slot."""
 
 
@@ -91,7 +92,7 @@ def _groups(edges: Sequence[_Edge], s: int) -> list[list[tuple[int, int]]]:
     return [list(g) for g in dict.fromkeys(tuple(g) for g in group.values())]
 
 
-def _one_to_one(votes: FloatArray) -> list[tuple[int, int]]:
+def _one_to_one(votes: Float64Array) -> list[tuple[int, int]]:
     rows, columns = linear_sum_assignment(votes, maximize=True)
     kept: IntArray = np.flatnonzero(votes[rows, columns] > 0)
     return [(int(rows[k]), int(columns[k])) for k in kept]

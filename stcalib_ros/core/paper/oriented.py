@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.lift import LiftedCamera
-from stcalib_ros.core.skeleton import Skeleton
-from stcalib_ros.core.timeline import Interpolation, frame_period, sample_camera
-from stcalib_ros.core.types import FloatArray, IntArray
+from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.skeleton import Skeleton
+from stcalib_ros.core.registration.resampling import sample_camera
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,11 +38,11 @@ class OrientedPoints:
         Time of sample 0 by the clock of the camera, and between samples, seconds.
     """
 
-    v: FloatArray
-    known: FloatArray
-    x: FloatArray
-    focal: FloatArray
-    body: FloatArray
+    v: Float64Array
+    known: Float64Array
+    x: Float64Array
+    focal: Float64Array
+    body: Float64Array
     start: float
     step: float
 
@@ -53,9 +54,9 @@ def oriented_points(
     grid = sample_camera(camera, skeleton, start=start, step=step, n=n)
     bones = sum(parent >= 0 for parent in skeleton.layout.parents)
     weight = grid.weight[:, :, :bones].astype(np.float64)
-    known: FloatArray = np.where(weight > 0, 1.0, 0.0)
+    known: Float64Array = np.where(weight > 0, 1.0, 0.0)
     v = grid.oriented[:, :, :bones] / np.where(weight > 0, weight, 1.0)[..., None]
-    times: FloatArray = start + step * np.arange(n, dtype=np.float64)
+    times: Float64Array = start + step * np.arange(n, dtype=np.float64)
     P, J = len(camera.tracks), skeleton.layout.n_joints
     x, focal = np.full((P, n, J, 2), np.nan), np.full((P, n, J), np.nan)
     period = frame_period(camera.stamps)
@@ -77,7 +78,7 @@ def samples_of(starts: Sequence[int] | IntArray, window: int, lag: IntArray) -> 
     return np.asarray(np.asarray(lag)[..., None, None] + inside, dtype=np.int64)
 
 
-def take(values: FloatArray, samples: IntArray) -> FloatArray:
+def take(values: Float64Array, samples: IntArray) -> Float64Array:
     """Entries (P, ..., W, T, ...) of (P, N, ...) at samples (..., W, T); zero outside of 0..N-1."""
     n = values.shape[1]
     inside = (samples >= 0) & (samples < n)

@@ -10,10 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stcalib_ros.core.averaging import Rig, spanning_tree
-from stcalib_ros.core.geometry import exp_so3, hat, log_so3
-from stcalib_ros.core.hypotheses import PairHypothesis
-from stcalib_ros.core.types import FloatArray, IntArray
+from stcalib_ros.core.geometry.graphs import spanning_tree
+from stcalib_ros.core.geometry.se3 import adjoint, exp_se3, inverse, log_se3, right_jacobian_inverse
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.relative_pose import RelativePose
+from stcalib_ros.core.model.rig import Rig
 
 _STDDEV = np.repeat([0.3, 0.06], 3)
 """Metres and rad by which the registration of a pair is off; the same for all pairs."""
@@ -22,7 +23,7 @@ _CONVERGED = 1e-10
 
 
 def optimise(
-    cameras: Sequence[int], edges: Sequence[PairHypothesis], *, synchronised: bool = False
+    cameras: Sequence[int], edges: Sequence[RelativePose], *, synchronised: bool = False
 ) -> Rig:
     """One rig from all pairs, the first camera its reference.
 
@@ -32,7 +33,7 @@ def optimise(
     ----------
     cameras : sequence of int
         Connected by the edges.
-    edges : sequence of PairHypothesis
+    edges : sequence of RelativePose
         One of each pair that could be registered.
     synchronised : bool
         For the record.
@@ -55,15 +56,15 @@ def optimise(
     )
 
 
-def _pose(R: FloatArray, t: FloatArray) -> FloatArray:
+def _pose(R: Float64Array, t: Float64Array) -> Float64Array:
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, t
     return T
 
 
 def _along_tree(
-    a: IntArray, b: IntArray, T_a_b: FloatArray, support: FloatArray, n: int
-) -> FloatArray:
+    a: IntArray, b: IntArray, T_a_b: Float64Array, support: Float64Array, n: int
+) -> Float64Array:
     """Poses (n, 4, 4) chained along the spanning tree of the best supported pairs."""
     T = np.tile(np.eye(4), (n, 1, 1))
     for e, forward in spanning_tree(a, b, np.argsort(-support, kind="stable"), n):
@@ -74,7 +75,7 @@ def _along_tree(
     return T
 
 
-def optimise_poses(a: IntArray, b: IntArray, T_a_b: FloatArray, T: FloatArray) -> FloatArray:
+def optimise_poses(a: IntArray, b: IntArray, T_a_b: Float64Array, T: Float64Array) -> Float64Array:
     """Gauss-Newton from the poses T (n, 4, 4); steps that do not help are shortened.
 
     Parameters
@@ -103,7 +104,7 @@ def optimise_poses(a: IntArray, b: IntArray, T_a_b: FloatArray, T: FloatArray) -
     return T
 
 
-def _gauss_newton(a: IntArray, b: IntArray, T_a_b: FloatArray, T: FloatArray) -> FloatArray:
+def _gauss_newton(a: IntArray, b: IntArray, T_a_b: Float64Array, T: Float64Array) -> Float64Array:
     """Twists (n, 6) of one step; zero for the first pose."""
     n = len(T)
     r = log_se3(inverse(T_a_b) @ inverse(T[a]) @ T[b])
@@ -120,12 +121,12 @@ def _gauss_newton(a: IntArray, b: IntArray, T_a_b: FloatArray, T: FloatArray) ->
     return step.reshape(n, 6)
 
 
-def _cost(a: IntArray, b: IntArray, T_a_b: FloatArray, T: FloatArray) -> float:
+def _cost(a: IntArray, b: IntArray, T_a_b: Float64Array, T: Float64Array) -> float:
     r = log_se3(inverse(T_a_b) @ inverse(T[a]) @ T[b]) / _STDDEV
     return float((r**2).sum())
 
 
-def _offsets(a: IntArray, b: IntArray, lag_s: FloatArray, n: int) -> FloatArray:
+def _offsets(a: IntArray, b: IntArray, lag_s: Float64Array, n: int) -> Float64Array:
     """Offsets (n,) with ``offset_a - offset_b = lag`` in least squares, the first one zero."""
     rows = np.arange(len(lag_s))
     B = np.zeros((len(lag_s), n))
@@ -134,97 +135,3 @@ def _offsets(a: IntArray, b: IntArray, lag_s: FloatArray, n: int) -> FloatArray:
     offset = np.zeros(n)
     offset[1:] = np.linalg.lstsq(B[:, 1:], lag_s, rcond=None)[0]
     return offset
-
-
-def inverse(T: FloatArray) -> FloatArray:
-    """Inverse poses (..., 4, 4)."""
-    out = np.zeros_like(T)
-    R_t = np.swapaxes(T[..., :3, :3], -1, -2)
-    out[..., :3, :3] = R_t
-    out[..., :3, 3] = -np.einsum("...ij,...j->...i", R_t, T[..., :3, 3])
-    out[..., 3, 3] = 1.0
-    return out
-
-
-def exp_se3(xi: FloatArray) -> FloatArray:
-    """Poses (..., 4, 4) of twists (..., 6)."""
-    rho, phi = xi[..., :3], xi[..., 3:]
-    first, second, _, _ = _coefficients(phi)
-    P = hat(phi)
-    V = np.eye(3) + first * P + second * (P @ P)
-    T = np.zeros((*xi.shape[:-1], 4, 4))
-    T[..., :3, :3] = exp_so3(phi)
-    T[..., :3, 3] = np.einsum("...ij,...j->...i", V, rho)
-    T[..., 3, 3] = 1.0
-    return T
-
-
-def log_se3(T: FloatArray) -> FloatArray:
-    """Twists (..., 6) of poses (..., 4, 4)."""
-    phi = log_so3(T[..., :3, :3])
-    rho = np.einsum("...ij,...j->...i", _left_jacobian_inverse(phi), T[..., :3, 3])
-    return np.concatenate([rho, phi], -1)
-
-
-def adjoint(T: FloatArray) -> FloatArray:
-    """Matrices (..., 6, 6) with ``T exp(xi) T^-1 = exp(Ad xi)``."""
-    R = T[..., :3, :3]
-    out = np.zeros((*T.shape[:-2], 6, 6))
-    out[..., :3, :3] = out[..., 3:, 3:] = R
-    out[..., :3, 3:] = hat(T[..., :3, 3]) @ R
-    return out
-
-
-def right_jacobian_inverse(xi: FloatArray) -> FloatArray:
-    """Derivative (..., 6, 6) of ``log(exp(xi) exp(d))`` by d at zero (Barfoot, 7.95)."""
-    inverse_block = _left_jacobian_inverse(-xi[..., 3:])
-    out = np.zeros((*xi.shape[:-1], 6, 6))
-    out[..., :3, :3] = out[..., 3:, 3:] = inverse_block
-    out[..., :3, 3:] = -inverse_block @ _coupling(-xi) @ inverse_block
-    return out
-
-
-def _left_jacobian_inverse(phi: FloatArray) -> FloatArray:
-    theta = np.linalg.norm(phi, axis=-1)[..., None, None]
-    small = theta < 1e-3
-    safe = np.where(small, 1.0, theta)
-    second = np.where(small, 1.0 / 12.0, (1.0 - 0.5 * safe / np.tan(0.5 * safe)) / safe**2)
-    P = hat(phi)
-    return np.asarray(np.eye(3) - 0.5 * P + second * (P @ P))
-
-
-def _coupling(xi: FloatArray) -> FloatArray:
-    """Off-diagonal block (..., 3, 3) of the left Jacobian of SE(3) (Barfoot, 7.86b)."""
-    rho, phi = hat(xi[..., :3]), hat(xi[..., 3:])
-    _, c1, c2, c3 = _coefficients(xi[..., 3:])
-    prp = phi @ rho @ phi
-    return np.asarray(
-        0.5 * rho
-        + c1 * (phi @ rho + rho @ phi + prp)
-        + c2 * (phi @ phi @ rho + rho @ phi @ phi - 3.0 * prp)
-        + c3 * (prp @ phi + phi @ prp)
-    )
-
-
-def _coefficients(phi: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """(1 - cos) / t^2, (t - sin) / t^3, and the third and fourth of Barfoot's 7.86b."""
-    t = np.linalg.norm(phi, axis=-1)[..., None, None]
-    small = t < 0.1
-    s = np.where(small, 1.0, t)
-    sine, cosine, t2 = np.sin(s), np.cos(s), t**2
-    exact = (
-        (1.0 - cosine) / s**2,
-        (s - sine) / s**3,
-        (0.5 * s**2 + cosine - 1.0) / s**4,
-        0.5 * (2.0 * s - 3.0 * sine + s * cosine) / s**5,
-    )
-    series = (
-        0.5 - t2 / 24.0 + t2**2 / 720.0,
-        1.0 / 6.0 - t2 / 120.0 + t2**2 / 5040.0,
-        1.0 / 24.0 - t2 / 720.0 + t2**2 / 40320.0,
-        1.0 / 120.0 - t2 / 2520.0 + t2**2 / 120960.0,
-    )
-    first, second, third, fourth = (
-        np.where(small, b, a) for a, b in zip(exact, series, strict=True)
-    )
-    return first, second, third, fourth

@@ -12,15 +12,16 @@ from itertools import combinations
 
 import numpy as np
 
-from stcalib_ros.core.geometry import best_rotation, matrix_from_quaternion
-from stcalib_ros.core.hypotheses import PairHypothesis
+from stcalib_ros.core.geometry.alignment import best_rotation
+from stcalib_ros.core.geometry.so3 import matrix_from_quaternion
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.options import VmfOptions
 from stcalib_ros.core.paper.em import Evidence, gather_evidence, maximise
 from stcalib_ros.core.paper.matching import match, mean_angles
 from stcalib_ros.core.paper.oriented import OrientedPoints, samples_of, take
 from stcalib_ros.core.paper.translation import translation_direction
 from stcalib_ros.core.paper.vmf import VonMisesFisher, fit
-from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _BLOCK = 4_000_000
 """Numbers that one array of a block of offsets may have."""
@@ -39,7 +40,7 @@ class PairRegistration:
 
     Attributes
     ----------
-    hypothesis : PairHypothesis
+    hypothesis : RelativePose
         With the pairs of tracks that are matched in most windows.
     starts : (W,) ndarray of int
         First sample of each window, on the grid of the target.
@@ -50,7 +51,7 @@ class PairRegistration:
         where the default method made it.
     """
 
-    hypothesis: PairHypothesis
+    hypothesis: RelativePose
     starts: IntArray
     matches: IntArray
     cost_rad: float
@@ -108,7 +109,7 @@ class _Search:
         self.model, self.seen = source_model(source, starts, lags, o.window)
         self.ransac = 0 < o.n_hypothesised < len(source.v)
 
-    def best(self) -> tuple[FloatArray, int, BoolArray, float] | None:
+    def best(self) -> tuple[Float64Array, int, BoolArray, float] | None:
         """Rotation, index of the lag, association and cost of the best hypothesis."""
         if not self.known.any():
             return None
@@ -138,8 +139,8 @@ class _Search:
         return gather_evidence(self.v, self.known, model, self.seen[:, lag])
 
     def _refitted(
-        self, R: FloatArray, lag: IntArray, evidence: Evidence, sources: BoolArray, limit: float
-    ) -> FloatArray:
+        self, R: Float64Array, lag: IntArray, evidence: Evidence, sources: BoolArray, limit: float
+    ) -> Float64Array:
         """Rotations on all matches with some source persons (H, Q), matched again and again."""
         for _ in range(_REFITS):
             A = self._associate(R, lag, limit)[1] & sources[:, None, None]
@@ -148,7 +149,7 @@ class _Search:
         return R
 
     def _least_cost(
-        self, R: FloatArray, lag: IntArray, evidence: Evidence, sources: BoolArray
+        self, R: Float64Array, lag: IntArray, evidence: Evidence, sources: BoolArray
     ) -> float:
         """Mean angle of the matches of the hypothesised persons (H, Q), of the best hypothesis."""
         limit = self.o.no_match_rad
@@ -168,24 +169,26 @@ class _Search:
         chosen = self.rng.choice(len(every), _MAX_SUBSETS, replace=False)
         return [every[i] for i in sorted(chosen)]
 
-    def _fitted(self, evidence: Evidence) -> FloatArray:
+    def _fitted(self, evidence: Evidence) -> Float64Array:
         """Rotations (L, 3, 3) of the likeliest start at every offset."""
         found = maximise(evidence, self._initial(evidence))
         best = found.log_likelihood.argmax(-1)
         return np.asarray(found.R[np.arange(len(best)), best])
 
-    def _initial(self, evidence: Evidence) -> FloatArray:
+    def _initial(self, evidence: Evidence) -> Float64Array:
         """Rotations (L, K, 3, 3): at random, or of every pair of persons."""
         L, _, P, Q = evidence.present.shape
         if self.o.initial == "candidates":
-            pairs: FloatArray = np.where(evidence.present[..., None, None], evidence.B, 0.0).sum(1)
+            pairs: Float64Array = np.where(evidence.present[..., None, None], evidence.B, 0.0).sum(
+                1
+            )
             return best_rotation(pairs.reshape(L, P * Q, 3, 3))
         q = self.rng.standard_normal((L, self.o.n_starts, 4))
         return matrix_from_quaternion(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
     def _finalists(
         self, subsets: list[list[int]], hypothesised: BoolArray
-    ) -> tuple[FloatArray, IntArray, IntArray]:
+    ) -> tuple[Float64Array, IntArray, IntArray]:
         """Of all hypotheses (subset, offset) those with the least angle to the mean directions.
 
         Rotations (H, 3, 3), and indices of the offset and of the subset (H,).
@@ -193,7 +196,7 @@ class _Search:
         W, P, Q = len(self.starts), len(self.v), len(self.source.v)
         n_starts = P * Q if self.o.initial == "candidates" else self.o.n_starts
         size = max(1, _BLOCK // (W * P * max(9 * Q, n_starts * len(subsets[0]))))
-        found: list[tuple[FloatArray, FloatArray, IntArray, IntArray]] = []
+        found: list[tuple[Float64Array, Float64Array, IntArray, IntArray]] = []
         for block in np.split(np.arange(len(self.lags)), range(size, len(self.lags), size)):
             evidence = self._evidence(block)
             R = np.stack([self._fitted(evidence.of_sources(subset)) for subset in subsets])
@@ -206,8 +209,8 @@ class _Search:
         return R[kept], lag[kept], which[kept]
 
     def _preliminary_costs(
-        self, R: FloatArray, lag: IntArray, hypothesised: BoolArray
-    ) -> FloatArray:
+        self, R: Float64Array, lag: IntArray, hypothesised: BoolArray
+    ) -> Float64Array:
         """Summed angles (N, L) of the persons of N subsets to the nearest target persons."""
         N, L = R.shape[:2]
         known = np.where(self.model.kappa[:, lag] > 0, 1.0, 0.0)
@@ -215,7 +218,7 @@ class _Search:
             self.v, self.known, VonMisesFisher(self.model.mu[:, lag], known), self.seen[:, lag]
         )
         joints = self.known.sum(2).transpose(1, 0, 2)
-        count: FloatArray = joints @ known.transpose(1, 2, 3, 0)
+        count: Float64Array = joints @ known.transpose(1, 2, 3, 0)
         flat = R.swapaxes(0, 1).reshape(L, N, 9)
         fit = flat @ plain.B.reshape(L, -1, 9).swapaxes(1, 2)
         mean = fit.reshape(L, N, *count.shape[1:]) / np.maximum(count, 1.0)[:, None]
@@ -225,8 +228,8 @@ class _Search:
         return np.asarray(np.einsum("lnwq,nq->nl", nearest, hypothesised * 1.0))
 
     def _associate(
-        self, R: FloatArray, lag: IntArray, limit: float
-    ) -> tuple[FloatArray, BoolArray]:
+        self, R: Float64Array, lag: IntArray, limit: float
+    ) -> tuple[Float64Array, BoolArray]:
         """Mean angles and associations, both (H, W, P, Q), of hypotheses."""
         samples = samples_of(self.starts, self.o.window, self.lags[lag])
         there, known = take(self.source.v, samples), take(self.source.known, samples)
@@ -234,14 +237,14 @@ class _Search:
         return angles, np.stack([match(one, limit) for one in angles])
 
     def registration(
-        self, a: int, b: int, R: FloatArray, lag: int, A: BoolArray, cost: float
+        self, a: int, b: int, R: Float64Array, lag: int, A: BoolArray, cost: float
     ) -> PairRegistration:
         """The record of the winning hypothesis, with its translation."""
         matches = np.argwhere(A)
         t = self._translation(R, int(self.lags[lag]), matches)
         gain = 1.0 - cost / self.o.no_match_rad
         frames = float(self.known.max(-1).sum(-1)[matches[:, 1], matches[:, 0]].sum())
-        hypothesis = PairHypothesis(
+        hypothesis = RelativePose(
             a,
             b,
             R,
@@ -252,7 +255,7 @@ class _Search:
         )
         return PairRegistration(hypothesis, self.starts, matches, cost)
 
-    def _translation(self, R: FloatArray, lag: int, matches: IntArray) -> FloatArray:
+    def _translation(self, R: Float64Array, lag: int, matches: IntArray) -> Float64Array:
         """Direction from the epipolar constraint, length from where monocular poses stand."""
         here = (self.starts[matches[:, 0], None] + np.arange(self.o.window)).ravel()
         p, q = (np.repeat(matches[:, i], self.o.window) for i in (1, 2))
@@ -284,7 +287,7 @@ def source_model(
     return fit(total[:, end] - total[:, begin], counts), counts.max(-1) >= 2
 
 
-def _running(values: FloatArray) -> FloatArray:
+def _running(values: Float64Array) -> Float64Array:
     """Sums (P, N + 1, ...) of the first entries of the second axis."""
     return np.concatenate([np.zeros_like(values[:, :1]), np.cumsum(values, axis=1)], axis=1)
 

@@ -7,16 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.averaging import Rig, connected_groups
-from stcalib_ros.core.lift import LiftedCamera
+from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.geometry.graphs import connected_groups
+from stcalib_ros.core.integration.exclusions import Disconnected
+from stcalib_ros.core.lifting.views import LiftedViews
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.paper.merge import merge
 from stcalib_ros.core.paper.oriented import oriented_points, spread_windows
-from stcalib_ros.core.paper.pairs import Views
 from stcalib_ros.core.paper.posegraph import optimise
 from stcalib_ros.core.paper.registration import PairRegistration, register
 from stcalib_ros.core.paper.stba import adjust_rounds
-from stcalib_ros.core.rounds import Round, Unconnected
 
 Tick = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it that is done."""
@@ -32,7 +34,7 @@ class Grid:
 
 
 def register_pairs(
-    views: Views, cameras: Sequence[int], options: Options, grid: Grid, tick: Tick
+    views: LiftedViews, cameras: Sequence[int], options: Options, grid: Grid, tick: Tick
 ) -> tuple[PairRegistration, ...]:
     """Register all pairs of cameras on windows spread over the recording; those that can be."""
     o = options.vmf
@@ -69,13 +71,13 @@ def adjust_pairs(
     options: Options,
     grid: Grid,
     tick: Tick,
-) -> tuple[Round, ...] | Unconnected:
+) -> tuple[Iteration, ...] | Disconnected:
     """Merge the associations of the pairs of a rig, and adjust until nothing is discarded."""
     window, members = options.vmf.window, rig.cameras.tolist()
     inside = _within(pairs, members)
     groups = connected_groups(members, [pair.hypothesis for pair in inside])
     if len(groups) > 1:
-        return Unconnected(tuple(tuple(members.index(c) for c in group) for group in groups))
+        return Disconnected(tuple(tuple(members.index(c) for c in group) for group in groups))
     association = merge(
         cameras,
         rig,

@@ -1,8 +1,8 @@
 """The paper's spatiotemporal bundle adjustment and outlier removal (STBA, ISTBA; Section IV).
 
-Solver and robust cost are those of `stcalib_ros.core.stba`; what differs is the motion model,
-``X^c = X + delta^c V`` with one V of each joint for a window of T frames, and that images stay with
-the frames that they are assigned to at first, however far the offsets move.
+Solver and robust cost are those of `stcalib_ros.core.bundle.levenberg_marquardt`; what differs is
+the motion model, ``X^c = X + delta^c V`` with one V of each joint for a window of T frames, and
+that images stay with the frames that they are assigned to at first, however far the offsets move.
 """
 
 from __future__ import annotations
@@ -12,21 +12,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from stcalib_ros.core import stba
-from stcalib_ros.core.association import Association
-from stcalib_ros.core.averaging import Rig
-from stcalib_ros.core.lift import LiftedCamera
-from stcalib_ros.core.observations import Observations, observe
+from stcalib_ros.core.bundle.istba import finish_iteration
+from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.levenberg_marquardt import adjust
+from stcalib_ros.core.bundle.observations import Observations, observe
+from stcalib_ros.core.bundle.outliers import connected, drop_outliers, image_points
+from stcalib_ros.core.bundle.residuals import errors_px
+from stcalib_ros.core.bundle.state import BundleState
+from stcalib_ros.core.bundle.state import initial_state as bundle_initial_state
+from stcalib_ros.core.integration.association import Association
+from stcalib_ros.core.integration.exclusions import Disconnected
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.options import BundleOptions
-from stcalib_ros.core.rounds import (
-    Round,
-    Unconnected,
-    connected,
-    drop_outliers,
-    finish_round,
-    image_points,
-)
-from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
 
 _TOLERANCE = 0.05
 
@@ -40,7 +39,7 @@ def adjust_rounds(
     step_s: float,
     window: int,
     tick: Callable[[float], None],
-) -> tuple[Round, ...] | Unconnected:
+) -> tuple[Iteration, ...] | Disconnected:
     """STBA, then outlier removal and STBA again until nothing more is removed (ISTBA).
 
     With synchronised cameras it is BA and IBA.
@@ -62,20 +61,20 @@ def adjust_rounds(
 
     Returns
     -------
-    tuple of Round or Unconnected
+    tuple of Iteration or Disconnected
         The first round is STBA, the last ISTBA.
     """
     o = replace(o, outlier_floor_px=0.0)
     observations = observe(cameras, rig, association, step_s=step_s)
     total = image_points([cameras[c] for c in rig.cameras])
     state = initial_state(observations, rig, window)
-    rounds: list[Round] = []
+    rounds: list[Iteration] = []
     while len(rounds) < max(o.rounds, 2):
         tick(len(rounds) / o.rounds)
         if len(groups := connected(state.used, total)) > 1:
-            return Unconnected(tuple(groups))
-        state = stba.adjust(observations, state, iterations=o.max_iterations, tolerance=_TOLERANCE)
-        rounds.append(finish_round(rig, association, observations, state, total))
+            return Disconnected(tuple(groups))
+        state = adjust(observations, state, iterations=o.max_iterations, tolerance=_TOLERANCE)
+        rounds.append(finish_iteration(rig, association, observations, state, total))
         before = state.used
         association, observations = discard(rounds[-1], o.outlier_factor)
         state = drop_outliers(observations, state, o)
@@ -84,16 +83,16 @@ def adjust_rounds(
     return tuple(rounds)
 
 
-def initial_state(o: Observations, rig: Rig, window: int) -> stba.BundleState:
+def initial_state(o: Observations, rig: Rig, window: int) -> BundleState:
     """Triangulated joints with one velocity per window and no acceleration."""
-    state = stba.initial_state(o, rig)
+    state = bundle_initial_state(o, rig)
     V = window_velocities(o, state.X, state.used.sum(1) >= 2, window)
     return replace(state, V=V, A=np.zeros_like(V))
 
 
 def window_velocities(
-    o: Observations, X: FloatArray, present: BoolArray, window: int
-) -> FloatArray:
+    o: Observations, X: Float64Array, present: BoolArray, window: int
+) -> Float64Array:
     """Least-squares slope (N, J, 3), per second, of each joint in its window.
 
     Parameters
@@ -119,14 +118,14 @@ def window_velocities(
     return np.asarray(np.where(spread > 0, slope, 0.0)[rows])
 
 
-def discard(done: Round, factor: float) -> tuple[Association, Observations]:
+def discard(done: Iteration, factor: float) -> tuple[Association, Observations]:
     """Verify the association: without the tracks of persons that do not fit.
 
     A camera's part in a person is discarded, slot by slot, where its mean reprojection error is
     above `factor` times the median of all.
     """
     o, association = done.observations, done.association
-    errors = stba.errors_px(o, done.state)
+    errors = errors_px(o, done.state)
     limit = factor * done.median_px
     slot = association.slot(o.start_s + o.step_s * o.knot.astype(np.float64))
     n_slots = association.person_of[0].shape[1]
@@ -141,7 +140,7 @@ def discard(done: Round, factor: float) -> tuple[Association, Observations]:
     return verified, replace(o, seen=seen)
 
 
-def _mean_by(unit: IntArray, errors: FloatArray, n_units: int) -> FloatArray:
+def _mean_by(unit: IntArray, errors: Float64Array, n_units: int) -> Float64Array:
     """Means (units, C) of errors (N, C, J) over the rows of each unit; 0 where there are none."""
     known = np.isfinite(errors)
     total, count = np.zeros((2, n_units, errors.shape[1]))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.model.arrays import Float64Array
 
 
-def translation_direction(R_a_b: FloatArray, x_a: FloatArray, x_b: FloatArray) -> FloatArray:
+def translation_direction(
+    R_a_b: Float64Array, x_a: Float64Array, x_b: Float64Array
+) -> Float64Array:
     """Unit vector t_a_b that solves ``x_a^T [t]_x R x_b = 0`` in least squares.
 
     The constraint is linear, ``t^T (R x_b x x_a) = 0``; of the two signs the one that puts more
@@ -22,11 +24,11 @@ def translation_direction(R_a_b: FloatArray, x_a: FloatArray, x_b: FloatArray) -
     b_a = _unit(x_a)
     b_b = _unit(x_b) @ R_a_b.T
     normals = np.cross(b_b, b_a)
-    t: FloatArray = np.linalg.svd(normals, full_matrices=False)[2][-1]
+    t: Float64Array = np.linalg.svd(normals, full_matrices=False)[2][-1]
     return t if _ahead(b_a, b_b, t) >= _ahead(b_a, b_b, -t) else -t
 
 
-def _ahead(b_a: FloatArray, b_b: FloatArray, t: FloatArray) -> int:
+def _ahead(b_a: Float64Array, b_b: Float64Array, t: Float64Array) -> int:
     """Cheirality: points ``d_a b_a = d_b b_b + t`` with positive depths in both cameras."""
     cosine = (b_a * b_b).sum(-1)
     along_a, along_b = b_a @ t, b_b @ t
@@ -35,5 +37,5 @@ def _ahead(b_a: FloatArray, b_b: FloatArray, t: FloatArray) -> int:
     return int(((depth_a > 0) & (depth_b > 0)).sum())
 
 
-def _unit(v: FloatArray) -> FloatArray:
+def _unit(v: Float64Array) -> Float64Array:
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))

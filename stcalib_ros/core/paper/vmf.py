@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.model.arrays import Float64Array
 
 _MAX_KAPPA = 1e4
 """Half a degree: five frames that agree better by chance say no more."""
@@ -29,15 +29,15 @@ class VonMisesFisher:
         Concentrations; zero, the uniform distribution, where too little was seen.
     """
 
-    mu: FloatArray
-    kappa: FloatArray
+    mu: Float64Array
+    kappa: Float64Array
 
-    def log_density(self, v: FloatArray) -> FloatArray:
+    def log_density(self, v: Float64Array) -> Float64Array:
         """``log f(v)`` of directions (..., 3)."""
         return np.asarray(log_normaliser(self.kappa) + self.kappa * (self.mu * v).sum(-1))
 
 
-def mean_resultant_length(kappa: FloatArray) -> FloatArray:
+def mean_resultant_length(kappa: Float64Array) -> Float64Array:
     """Length of the mean of the distribution, ``A_3(kappa) = coth(kappa) - 1 / kappa``."""
     kappa = np.asarray(kappa, dtype=np.float64)
     small = kappa < 1e-3
@@ -45,7 +45,7 @@ def mean_resultant_length(kappa: FloatArray) -> FloatArray:
     return np.asarray(np.where(small, kappa / 3.0, 1.0 / np.tanh(safe) - 1.0 / safe))
 
 
-def log_normaliser(kappa: FloatArray) -> FloatArray:
+def log_normaliser(kappa: Float64Array) -> Float64Array:
     """``log C(kappa)``, without overflow; ``-log 4 pi`` at zero."""
     kappa = np.asarray(kappa, dtype=np.float64)
     small = kappa < 1e-6
@@ -54,7 +54,7 @@ def log_normaliser(kappa: FloatArray) -> FloatArray:
     return np.asarray(np.where(small, 0.0, np.log(safe) - log_sinh) - np.log(4.0 * np.pi))
 
 
-def fit(resultant: FloatArray, count: FloatArray) -> VonMisesFisher:
+def fit(resultant: Float64Array, count: Float64Array) -> VonMisesFisher:
     """Maximum likelihood estimate of distributions from sums of directions.
 
     mu is the direction of the sum; kappa solves ``A_3(kappa) = |sum| / n`` by Newton's method
@@ -79,7 +79,7 @@ def fit(resultant: FloatArray, count: FloatArray) -> VonMisesFisher:
     return VonMisesFisher(mu, np.where(known, kappa, 0.0))
 
 
-def _slope(kappa: FloatArray) -> FloatArray:
+def _slope(kappa: Float64Array) -> Float64Array:
     """Derivative of `mean_resultant_length`, ``1 / kappa^2 - 1 / sinh^2 kappa``."""
     small = kappa < 1e-2
     safe = np.clip(kappa, 1e-2, 300.0)

@@ -5,7 +5,7 @@ from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.paper_scene import paper_scene
 from stcalib_ros.core.synthetic.people import PEOPLE, PersonMotion
-from stcalib_ros.core.synthetic.rigs import Rig
+from stcalib_ros.core.synthetic.rigs import SceneRig
 from stcalib_ros.core.synthetic.scene import Scene, simulate
 
 __all__ = [
@@ -13,7 +13,7 @@ __all__ = [
     "CameraChange",
     "MotionClip",
     "PersonMotion",
-    "Rig",
+    "SceneRig",
     "Scene",
     "SceneOptions",
     "paper_scene",

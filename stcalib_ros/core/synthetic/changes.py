@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.geometry import exp_so3
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.geometry.so3 import exp_so3
+from stcalib_ros.core.model.arrays import Float64Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +38,11 @@ class CameraChange:
 
 
 def poses_over_time(
-    R_cam_world: FloatArray,
-    t_cam_world: FloatArray,
-    times: FloatArray,
+    R_cam_world: Float64Array,
+    t_cam_world: Float64Array,
+    times: Float64Array,
     changes: Sequence[CameraChange],
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Float64Array, Float64Array]:
     """Poses (T, 3, 3) and (T, 3) of one camera at times of the reference clock."""
     R, t = np.tile(R_cam_world, (len(times), 1, 1)), np.tile(t_cam_world, (len(times), 1))
     for change in changes:
@@ -54,8 +54,8 @@ def poses_over_time(
 
 
 def stamps_over_time(
-    stamps: FloatArray, times: FloatArray, changes: Sequence[CameraChange]
-) -> FloatArray:
+    stamps: Float64Array, times: Float64Array, changes: Sequence[CameraChange]
+) -> Float64Array:
     """Stamps (T,) of images taken at times of the reference clock; NaN where an image is lost."""
     out = np.array(stamps)
     for change in changes:

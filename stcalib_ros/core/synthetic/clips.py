@@ -8,8 +8,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.synthetic.skeleton import N_JOINTS, assemble, body_axes, bones_of
-from stcalib_ros.core.types import FloatArray
 
 _BLEND_S = 0.5
 _MAX_SPEED = 1.8
@@ -32,7 +32,7 @@ class MotionClip:
 
     name: str
     fps: float
-    joints: FloatArray
+    joints: Float64Array
     locomotion: bool
 
     def __post_init__(self) -> None:
@@ -81,7 +81,9 @@ class CyclicClip:
         self._recorded_speed = recorded
         self.speed = recorded * self._rate
 
-    def joints(self, times: FloatArray, travelled: FloatArray, lengths: FloatArray) -> FloatArray:
+    def joints(
+        self, times: Float64Array, travelled: Float64Array, lengths: Float64Array
+    ) -> Float64Array:
         """Joints (T, 17, 3) in body axes above the ground point.
 
         Parameters
@@ -100,7 +102,7 @@ class CyclicClip:
         return assemble(flat[:, :3] * size, flat[:, 3:].reshape(-1, N_JOINTS, 3), lengths)
 
 
-def _heading_removed(clip: MotionClip) -> FloatArray:
+def _heading_removed(clip: MotionClip) -> Float64Array:
     """Rotation about z that makes the person head along x on average."""
     if clip.locomotion:
         ahead = clip.joints[-1, 0] - clip.joints[0, 0]
@@ -110,14 +112,14 @@ def _heading_removed(clip: MotionClip) -> FloatArray:
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _ramped(flat: FloatArray) -> FloatArray:
+def _ramped(flat: Float64Array) -> Float64Array:
     """Cycle whose small gap between last and first frame is spread over all frames."""
-    out: FloatArray = flat - np.linspace(0, 1, len(flat))[:, None] * (flat[-1] - flat[0])
+    out: Float64Array = flat - np.linspace(0, 1, len(flat))[:, None] * (flat[-1] - flat[0])
     out[-1] = out[0]
     return out
 
 
-def _crossfaded(flat: FloatArray, n_blend: int) -> FloatArray:
+def _crossfaded(flat: Float64Array, n_blend: int) -> Float64Array:
     """Cycle whose last frames fade into its first ones."""
     weight = np.linspace(0, 1, n_blend)[:, None]
     weight = weight**2 * (3 - 2 * weight)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.synthetic.skeleton import N_JOINTS, body_axes
-from stcalib_ros.core.types import FloatArray
 
 
 class DetectorBias:
@@ -35,15 +35,15 @@ class DetectorBias:
         self._linear = linear * norm[:, None, None]
         self._square = square * norm[:, None, None, None]
 
-    def __call__(self, direction: FloatArray) -> FloatArray:
+    def __call__(self, direction: Float64Array) -> Float64Array:
         """Displacements (T, 17, 3) in body axes, seen from unit directions (T, 3)."""
         pairs = direction[:, :, None] * direction[:, None, :]
         flat = pairs.reshape(-1, 9) @ self._square.reshape(-1, 9).T
-        linear: FloatArray = np.einsum("jab,tb->tja", self._linear, direction)
+        linear: Float64Array = np.einsum("jab,tb->tja", self._linear, direction)
         return np.asarray(linear + flat.reshape(-1, N_JOINTS, 3))
 
 
-def displaced(joints_cam: FloatArray, bias: DetectorBias) -> FloatArray:
+def displaced(joints_cam: Float64Array, bias: DetectorBias) -> Float64Array:
     """Points (T, 17, 3), optical frame, at which the detector sees the joints."""
     R_body_cam = body_axes(joints_cam)
     root = joints_cam[:, 0]

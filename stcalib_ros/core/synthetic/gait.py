@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.synthetic.noise import child_rng, smooth_noise
 from stcalib_ros.core.synthetic.skeleton import (
     LAYOUT,
@@ -12,7 +13,6 @@ from stcalib_ros.core.synthetic.skeleton import (
     assemble,
     standard_lengths,
 )
-from stcalib_ros.core.types import FloatArray
 
 _ANKLE_HEIGHT = 0.08
 _SIDES = (("left", 1.0), ("right", -1.0))
@@ -48,7 +48,9 @@ class ProceduralMotion:
         self._elbow = rng.uniform(0.2, 0.6)
         self._rng = child_rng(rng)
 
-    def joints(self, times: FloatArray, travelled: FloatArray, lengths: FloatArray) -> FloatArray:
+    def joints(
+        self, times: Float64Array, travelled: Float64Array, lengths: Float64Array
+    ) -> Float64Array:
         """Joints (T, 17, 3) in body axes; the arguments are those of `CyclicClip.joints`."""
         phase = 2 * np.pi * travelled / self._stride + self._phase
         speed = np.gradient(travelled, times)
@@ -66,7 +68,7 @@ class ProceduralMotion:
         return assemble(root, directions, lengths)
 
     def _pose_legs(
-        self, out: FloatArray, phase: FloatArray, amplitude: FloatArray, yaw: FloatArray
+        self, out: Float64Array, phase: Float64Array, amplitude: Float64Array, yaw: Float64Array
     ) -> None:
         for side, sign in _SIDES:
             swing = phase + (0.0 if sign > 0 else np.pi)
@@ -79,11 +81,11 @@ class ProceduralMotion:
 
     def _pose_arms(
         self,
-        out: FloatArray,
-        phase: FloatArray,
-        amplitude: FloatArray,
-        yaw: FloatArray,
-        gesture: FloatArray,
+        out: Float64Array,
+        phase: Float64Array,
+        amplitude: Float64Array,
+        yaw: Float64Array,
+        gesture: Float64Array,
     ) -> None:
         raised = min(1.0, self._liveliness)
         for k, (side, sign) in enumerate(_SIDES):
@@ -98,7 +100,7 @@ class ProceduralMotion:
             out[:, LAYOUT.index(f"{side}_wrist")] = _sagittal(forward + elbow, sign * 0.5 * aside)
 
 
-def _pose_trunk(out: FloatArray, yaw: FloatArray, gesture: FloatArray) -> None:
+def _pose_trunk(out: Float64Array, yaw: Float64Array, gesture: Float64Array) -> None:
     lean = 0.04 + 0.06 * gesture[:, 1]
     aside = 0.06 * gesture[:, 8]
     for name in ("spine", "thorax", "neck"):
@@ -109,12 +111,12 @@ def _pose_trunk(out: FloatArray, yaw: FloatArray, gesture: FloatArray) -> None:
     )
 
 
-def _level(yaw: FloatArray, sign: float) -> FloatArray:
+def _level(yaw: Float64Array, sign: float) -> Float64Array:
     """Direction to the left (sign 1) or right (-1) of a girdle turned by yaw."""
     return sign * np.stack([-np.sin(yaw), np.cos(yaw), np.zeros_like(yaw)], axis=-1)
 
 
-def _sagittal(forward: FloatArray, aside: FloatArray | float = 0.0) -> FloatArray:
+def _sagittal(forward: Float64Array, aside: Float64Array | float = 0.0) -> Float64Array:
     """Direction of a limb that hangs down at angle 0; forward and aside in rad."""
     down = np.cos(forward) * np.cos(aside)
     return np.stack(
@@ -122,7 +124,7 @@ def _sagittal(forward: FloatArray, aside: FloatArray | float = 0.0) -> FloatArra
     )
 
 
-def _pelvis_height(directions: FloatArray, lengths: FloatArray) -> FloatArray:
+def _pelvis_height(directions: Float64Array, lengths: Float64Array) -> Float64Array:
     """Height at which the lower ankle stands on the floor, with a smooth change of legs."""
     reach = []
     for side, _ in _SIDES:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.synthetic.noise import smooth_noise
 from stcalib_ros.core.synthetic.skeleton import N_JOINTS, PARENTS
-from stcalib_ros.core.types import FloatArray
 
 _INHERITED = 0.8
 _PARTS = ((0.25, None), (0.5, 0.5), (0.25, 0.06))
@@ -42,8 +42,8 @@ class LifterErrors:
 
 
 def lift(
-    rng: np.random.Generator, times: FloatArray, joints_cam: FloatArray, errors: LifterErrors
-) -> FloatArray:
+    rng: np.random.Generator, times: Float64Array, joints_cam: Float64Array, errors: LifterErrors
+) -> Float64Array:
     """Monocular 3D pose of one person in one camera, relative to the root.
 
     Parameters
@@ -63,13 +63,13 @@ def lift(
     wrong = relative + joint_errors(rng, times, errors.mpjpe_m, errors.depth_ratio)
     tilt = _tilt(rng, times, errors.tilt_rad)
     R = (tilt * crop_rotation(joints_cam[:, 0], errors.crop)).as_matrix()
-    lifted: FloatArray = errors.scale * np.einsum("tab,tjb->tja", R, wrong)
+    lifted: Float64Array = errors.scale * np.einsum("tab,tjb->tja", R, wrong)
     return lifted
 
 
 def joint_errors(
-    rng: np.random.Generator, times: FloatArray, mpjpe_m: float, depth_ratio: float
-) -> FloatArray:
+    rng: np.random.Generator, times: Float64Array, mpjpe_m: float, depth_ratio: float
+) -> Float64Array:
     """Errors (T, 17, 3), metres, alike in neighbouring joints and frames; the root has none.
 
     A quarter of the variance is constant, half changes within a second, a quarter within a tenth.
@@ -81,7 +81,7 @@ def joint_errors(
             rng.standard_normal(shape) if tau_s is None else smooth_noise(rng, times, shape, tau_s)
         )
         own = own + np.sqrt(share) * part
-    error: FloatArray = own * np.array([1.0, 1.0, depth_ratio])
+    error: Float64Array = own * np.array([1.0, 1.0, depth_ratio])
     error[:, 0] = 0.0
     for joint in range(1, N_JOINTS):
         error[:, joint] += _INHERITED * error[:, PARENTS[joint]]
@@ -89,7 +89,7 @@ def joint_errors(
     return error * (mpjpe_m / size)
 
 
-def crop_rotation(root_cam: FloatArray, share: float) -> Rotation:
+def crop_rotation(root_cam: Float64Array, share: float) -> Rotation:
     """Rotation (T) that turns the bearing of the person to the optical axis, or a share of it.
 
     A lifter that works on a crop believes that the camera looks straight at the person; what it
@@ -102,6 +102,6 @@ def crop_rotation(root_cam: FloatArray, share: float) -> Rotation:
     return Rotation.from_rotvec(share * angle * axis / np.maximum(sine, 1e-12))
 
 
-def _tilt(rng: np.random.Generator, times: FloatArray, rms_rad: float) -> Rotation:
+def _tilt(rng: np.random.Generator, times: Float64Array, rms_rad: float) -> Rotation:
     vector = np.sqrt(0.5) * (rng.standard_normal(3) + smooth_noise(rng, times, (3,), 1.0))
     return Rotation.from_rotvec(rms_rad / np.sqrt(3) * vector)

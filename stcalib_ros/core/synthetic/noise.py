@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.model.arrays import Float64Array
 
 _SAMPLES_PER_TAU = 4
 
@@ -16,8 +16,8 @@ def child_rng(rng: np.random.Generator) -> np.random.Generator:
 
 
 def smooth_noise(
-    rng: np.random.Generator, times: FloatArray, shape: tuple[int, ...], tau_s: float
-) -> FloatArray:
+    rng: np.random.Generator, times: Float64Array, shape: tuple[int, ...], tau_s: float
+) -> Float64Array:
     """Stationary Gaussian processes of zero mean and unit variance.
 
     Parameters
@@ -44,7 +44,7 @@ def smooth_noise(
     position = (times - times[0]) / step
     low = position.astype(int)
     weight = (position - low)[:, None]
-    out: FloatArray = (1 - weight) * grid[low] + weight * grid[low + 1]
+    out: Float64Array = (1 - weight) * grid[low] + weight * grid[low + 1]
     return (out / _kernel_norm()).reshape(len(times), *shape)
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.recording import CameraRecording, Track
 from stcalib_ros.core.synthetic import tracking
 from stcalib_ros.core.synthetic.changes import CameraChange, poses_over_time, stamps_over_time
 from stcalib_ros.core.synthetic.detector import DetectorBias, displaced
@@ -14,10 +16,9 @@ from stcalib_ros.core.synthetic.lifter import LifterErrors, lift
 from stcalib_ros.core.synthetic.noise import child_rng
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.people import PersonMotion
-from stcalib_ros.core.synthetic.rigs import Rig, image_of
+from stcalib_ros.core.synthetic.rigs import SceneRig, image_of
 from stcalib_ros.core.synthetic.shutter import joints_by_row
 from stcalib_ros.core.synthetic.skeleton import LAYOUT, MIRROR
-from stcalib_ros.core.types import BoolArray, CameraRecording, FloatArray, IntArray, Track
 
 _FLIP_S = (0.05, 0.3)
 _BURST_S = (0.2, 0.8)
@@ -38,8 +39,8 @@ class Clock:
         ``t_ref = t_cam + offset_s + skew * t_cam``.
     """
 
-    stamps: FloatArray
-    exposures_s: FloatArray
+    stamps: Float64Array
+    exposures_s: Float64Array
     offset_s: float
     skew: float
 
@@ -70,7 +71,7 @@ class Clock:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sightings:
+class CameraObservation:
     """What one camera saw, and the truth about it.
 
     Attributes
@@ -94,12 +95,12 @@ def observe(
     rng: np.random.Generator,
     people_seed: IntArray,
     options: SceneOptions,
-    rig: Rig,
+    rig: SceneRig,
     camera: int,
     clock: Clock,
     people: Sequence[PersonMotion],
     changes: Sequence[CameraChange] = (),
-) -> Sightings:
+) -> CameraObservation:
     """Simulate one camera of a rig.
 
     Parameters
@@ -143,7 +144,7 @@ def observe(
         name, f"{name}_optical_frame", lens, LAYOUT, clock.stamps, tracks, metric=True
     )
     known = ~np.isnan(noise[..., 0])
-    return Sightings(recording, persons, int(known.sum()), float(np.sum(noise[known] ** 2)))
+    return CameraObservation(recording, persons, int(known.sum()), float(np.sum(noise[known] ** 2)))
 
 
 def _lifter(
@@ -164,9 +165,9 @@ def _lifter(
 def _visible(
     rng: np.random.Generator,
     options: SceneOptions,
-    times: FloatArray,
-    truth: FloatArray,
-    keypoints: FloatArray,
+    times: Float64Array,
+    truth: Float64Array,
+    keypoints: Float64Array,
 ) -> BoolArray:
     """Who is detected when (T, P)."""
     n = keypoints.shape[1]
@@ -181,9 +182,9 @@ def _visible(
 def _flip(
     rng: np.random.Generator,
     options: SceneOptions,
-    times: FloatArray,
-    keypoints: FloatArray,
-    joints: FloatArray,
+    times: Float64Array,
+    keypoints: Float64Array,
+    joints: Float64Array,
 ) -> None:
     """Exchange left and right for short stretches, in place."""
     rate = options.flip_rate / (0.5 * sum(_FLIP_S))
@@ -193,7 +194,7 @@ def _flip(
 
 
 def make_tracks(
-    ids: IntArray, keypoints: FloatArray, joints: FloatArray, scores: FloatArray
+    ids: IntArray, keypoints: Float64Array, joints: Float64Array, scores: Float64Array
 ) -> tuple[tuple[Track, ...], dict[int, IntArray]]:
     """Tracks and true persons of each, from the track id of every person in every frame.
 

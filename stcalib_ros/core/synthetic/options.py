@@ -8,7 +8,7 @@ import numpy as np
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.synthetic.people import PEOPLE
-from stcalib_ros.core.synthetic.rigs import Rig
+from stcalib_ros.core.synthetic.rigs import SceneRig
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class SceneOptions:
     focal_px: float = 1400.0
     ring_radius_m: tuple[float, float] = (3.5, 5.0)
     ring_height_m: tuple[float, float] = (1.5, 2.8)
-    rig: Rig | None = None
+    rig: SceneRig | None = None
     rig_scale: float = 1.0
     max_offset_frames: float = 10.0
     skew_ppm: float = 0.0

@@ -7,15 +7,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.noise import child_rng
-from stcalib_ros.core.synthetic.observe import Clock, Sightings, make_tracks
+from stcalib_ros.core.synthetic.observe import CameraObservation, Clock, make_tracks
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.people import PersonMotion, make_people
-from stcalib_ros.core.synthetic.rigs import Rig, image_of
+from stcalib_ros.core.synthetic.rigs import SceneRig, image_of
 from stcalib_ros.core.synthetic.scene import EPOCH_NS, Scene, make_rig, true_calibration
 from stcalib_ros.core.synthetic.skeleton import LAYOUT
-from stcalib_ros.core.types import CameraRecording, FloatArray, Recording
 
 _MIN_KEYPOINTS = 6
 
@@ -85,19 +86,19 @@ def _clocks(
         raise InputError(
             f"offset_frames: {len(others)} offsets for {n_cameras - 1} cameras after the first"
         )
-    nominal: FloatArray = np.arange(options.n_frames, dtype=np.float64) / fps
+    nominal: Float64Array = np.arange(options.n_frames, dtype=np.float64) / fps
     return [Clock(nominal, nominal + d / fps, float(d) / fps, 0.0) for d in (0.0, *others)]
 
 
 def _observe(
     rng: np.random.Generator,
     options: SceneOptions,
-    rig: Rig,
+    rig: SceneRig,
     camera: int,
     clock: Clock,
     people: Sequence[PersonMotion],
     hidden: Sequence[int],
-) -> Sightings:
+) -> CameraObservation:
     """One camera: noisy points, their images, and tracks that are the people themselves."""
     lens, R, t = rig.intrinsics[camera], rig.R_cam_world[camera], rig.t_cam_world[camera]
     truth = np.stack([person(clock.exposures_s) @ R.T + t for person in people], axis=1)
@@ -116,4 +117,4 @@ def _observe(
     )
     noise = (keypoints - image_of(truth, lens))[visible]
     known = np.isfinite(noise[..., 0])
-    return Sightings(recording, persons, int(known.sum()), float(np.sum(noise[known] ** 2)))
+    return CameraObservation(recording, persons, int(known.sum()), float(np.sum(noise[known] ** 2)))

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.synthetic.noise import smooth_noise
-from stcalib_ros.core.types import BoolArray, FloatArray
 
 _PERSONAL_M = 0.9
 _MAX_TURN = 2.5
@@ -29,15 +29,15 @@ class GroundPaths:
         Way so far, metres.
     """
 
-    xy: FloatArray
-    heading: FloatArray
-    travelled: FloatArray
+    xy: Float64Array
+    heading: Float64Array
+    travelled: Float64Array
 
 
 def random_paths(
     rng: np.random.Generator,
-    times: FloatArray,
-    speeds: FloatArray,
+    times: Float64Array,
+    speeds: Float64Array,
     radius: float,
     *,
     pauses: bool = False,
@@ -82,7 +82,7 @@ def random_paths(
     return GroundPaths(out[0], out[1], travelled)
 
 
-def _starting_places(rng: np.random.Generator, n: int, radius: float) -> FloatArray:
+def _starting_places(rng: np.random.Generator, n: int, radius: float) -> Float64Array:
     """Of many random arrangements the one whose closest pair is farthest apart."""
     r = 0.85 * radius * np.sqrt(rng.uniform(size=(200, n)))
     a = rng.uniform(-np.pi, np.pi, (200, n))
@@ -93,19 +93,19 @@ def _starting_places(rng: np.random.Generator, n: int, radius: float) -> FloatAr
     return np.asarray(places[best])
 
 
-def _stop_and_go(rng: np.random.Generator, times: FloatArray, n: int) -> FloatArray:
+def _stop_and_go(rng: np.random.Generator, times: Float64Array, n: int) -> Float64Array:
     wave = smooth_noise(rng, times, (n,), 1.2)
     return 1 / (1 + np.exp(-6 * (wave + 0.8)))
 
 
 def _steer(
-    xy: FloatArray,
-    heading: FloatArray,
-    speed: FloatArray,
-    whim: FloatArray,
+    xy: Float64Array,
+    heading: Float64Array,
+    speed: Float64Array,
+    whim: Float64Array,
     moving: BoolArray,
     radius: float,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Float64Array, Float64Array]:
     """Turn rate wanted (P,) rad/s and the factor (P,) by which to slow down."""
     ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     away, closest_s, gap = _closest_approach(xy, speed[:, None] * ahead)
@@ -125,8 +125,8 @@ def _steer(
 
 
 def _closest_approach(
-    xy: FloatArray, velocity: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+    xy: Float64Array, velocity: Float64Array
+) -> tuple[Float64Array, Float64Array, Float64Array]:
     """When and how P people will pass each other if nobody turns.
 
     Returns

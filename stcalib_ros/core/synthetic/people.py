@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.synthetic.clips import CyclicClip, MotionClip
 from stcalib_ros.core.synthetic.gait import ProceduralMotion
 from stcalib_ros.core.synthetic.noise import child_rng
 from stcalib_ros.core.synthetic.paths import GroundPaths, random_paths
 from stcalib_ros.core.synthetic.skeleton import N_JOINTS, individual_lengths
-from stcalib_ros.core.types import FloatArray
 
 _SAMPLES_PER_S = 60
 _LOCOMOTION_SHARE = 0.4
@@ -35,9 +35,9 @@ class PersonMotion:
     """
 
     spline: CubicSpline
-    lengths: FloatArray
+    lengths: Float64Array
 
-    def __call__(self, times: FloatArray) -> FloatArray:
+    def __call__(self, times: Float64Array) -> Float64Array:
         """Joints (T, 17, 3) in the world, metres, at times of the reference clock."""
         return np.asarray(self.spline(times)).reshape(len(times), N_JOINTS, 3)
 
@@ -81,7 +81,7 @@ def make_people(
     return _alike(people, times) if kind == "alike" else people
 
 
-def _alike(people: Sequence[PersonMotion], times: FloatArray) -> tuple[PersonMotion, ...]:
+def _alike(people: Sequence[PersonMotion], times: Float64Array) -> tuple[PersonMotion, ...]:
     """All move as the first one does, each from where he begins."""
     first = people[0](times)
     begin = [person(times[:1])[0, 0] * [1.0, 1.0, 0.0] for person in people]
@@ -106,7 +106,7 @@ def _body(
 def _placed(
     rng: np.random.Generator,
     body: CyclicClip | ProceduralMotion,
-    times: FloatArray,
+    times: Float64Array,
     paths: GroundPaths,
     person: int,
 ) -> PersonMotion:

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.geometry import project
-from stcalib_ros.core.types import FloatArray, Intrinsics, LensModel
+from stcalib_ros.core.geometry.lens import project
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
 
 _HIP_HEIGHT = 0.95
 _NEAR = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rig:
+class SceneRig:
     """Cameras in a world.
 
     Attributes
@@ -29,8 +30,8 @@ class Rig:
 
     names: tuple[str, ...]
     intrinsics: tuple[Intrinsics, ...]
-    R_cam_world: FloatArray
-    t_cam_world: FloatArray
+    R_cam_world: Float64Array
+    t_cam_world: Float64Array
 
     def __post_init__(self) -> None:
         n = len(self.names)
@@ -45,9 +46,9 @@ class Rig:
             )
 
     @property
-    def centres_world(self) -> FloatArray:
+    def centres_world(self) -> Float64Array:
         """Camera centres (C, 3)."""
-        centres: FloatArray = -np.einsum("cba,cb->ca", self.R_cam_world, self.t_cam_world)
+        centres: Float64Array = -np.einsum("cba,cb->ca", self.R_cam_world, self.t_cam_world)
         return centres
 
 
@@ -59,7 +60,7 @@ def ring_rig(
     focal_px: float,
     radius_m: tuple[float, float],
     height_m: tuple[float, float],
-) -> Rig:
+) -> SceneRig:
     """Cameras around the origin that look at its surroundings; z is up, the floor at 0."""
     even = np.arange(n_cameras) / n_cameras
     angle = 2 * np.pi * (even + rng.uniform() + rng.uniform(-0.25, 0.25, n_cameras) / n_cameras)
@@ -70,7 +71,7 @@ def ring_rig(
     width, tall = image_size
     K = np.array([[focal_px, 0, width / 2], [0, focal_px, tall / 2], [0, 0, 1.0]])
     lens = Intrinsics(width, tall, LensModel.PLUMB_BOB, K, np.zeros(5))
-    return Rig(
+    return SceneRig(
         tuple(f"cam{c}" for c in range(n_cameras)),
         (lens,) * n_cameras,
         R,
@@ -78,7 +79,7 @@ def ring_rig(
     )
 
 
-def staged(rig: Rig, *, scale: float = 1.0) -> Rig:
+def staged(rig: SceneRig, *, scale: float = 1.0) -> SceneRig:
     """Put a given rig in a world with z up and its origin on the floor amid the views.
 
     The middle is the point nearest to all optical axes, taken as hip height; up is the mean of
@@ -101,10 +102,10 @@ def staged(rig: Rig, *, scale: float = 1.0) -> Rig:
     R_stage_world = np.stack([side, np.cross(up, side), up])
     R = rig.R_cam_world @ R_stage_world.T
     local = (centres - middle[0]) @ R_stage_world.T + [0.0, 0.0, _HIP_HEIGHT]
-    return Rig(rig.names, rig.intrinsics, R, -np.einsum("cab,cb->ca", R, local))
+    return SceneRig(rig.names, rig.intrinsics, R, -np.einsum("cab,cb->ca", R, local))
 
 
-def image_of(points_cam: FloatArray, lens: Intrinsics) -> FloatArray:
+def image_of(points_cam: Float64Array, lens: Intrinsics) -> Float64Array:
     """Pixels (..., 2) of points (..., 3) of the optical frame; NaN outside the image."""
     depth = points_cam[..., 2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -133,7 +134,7 @@ def _usable_radius(lens: Intrinsics) -> float:
     return float(r[falling[0]]) if len(falling) else np.inf
 
 
-def _looking(centre: FloatArray, target: FloatArray) -> FloatArray:
+def _looking(centre: Float64Array, target: Float64Array) -> Float64Array:
     """R_cam_world of a camera that looks from one point to another, level with the horizon."""
     ahead = (target - centre) / np.linalg.norm(target - centre)
     right = np.cross(ahead, [0.0, 0.0, 1.0])

@@ -7,22 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.calibration import (
+    Calibration,
+    CameraCalibration,
+    PersonAssociation,
+    Status,
+)
+from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.synthetic.changes import CameraChange
 from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.noise import child_rng
-from stcalib_ros.core.synthetic.observe import Clock, Sightings, observe
+from stcalib_ros.core.synthetic.observe import CameraObservation, Clock, observe
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.people import PersonMotion, make_people
-from stcalib_ros.core.synthetic.rigs import Rig, ring_rig, staged
-from stcalib_ros.core.types import (
-    Calibration,
-    CameraCalibration,
-    FloatArray,
-    IntArray,
-    PersonAssociation,
-    Recording,
-    Status,
-)
+from stcalib_ros.core.synthetic.rigs import SceneRig, ring_rig, staged
 
 EPOCH_NS = 1_760_000_000 * 10**9
 _OWNER_SHARE = 0.2
@@ -51,22 +50,22 @@ class Scene:
     options: SceneOptions
     recording: Recording
     truth: Calibration
-    rig: Rig
+    rig: SceneRig
     people: tuple[PersonMotion, ...]
-    exposures_s: tuple[FloatArray, ...]
+    exposures_s: tuple[Float64Array, ...]
     track_persons: Mapping[str, Mapping[int, IntArray]]
 
-    def joints_world(self, times: FloatArray) -> FloatArray:
+    def joints_world(self, times: Float64Array) -> Float64Array:
         """Return the true joints (P, T, 17, 3) in the world at times of the reference clock."""
         return np.stack([person(times) for person in self.people])
 
-    def joints_ref(self, times: FloatArray) -> FloatArray:
+    def joints_ref(self, times: Float64Array) -> Float64Array:
         """Return the true joints (P, T, 17, 3) in the frame of the reference camera."""
         world = self.joints_world(times)
         return np.asarray(world @ self.rig.R_cam_world[0].T + self.rig.t_cam_world[0])
 
     @property
-    def offsets_s(self) -> FloatArray:
+    def offsets_s(self) -> Float64Array:
         """True time offsets (C,), seconds."""
         return np.array([camera.time_offset_s for camera in self.truth.cameras])
 
@@ -120,7 +119,7 @@ def simulate(
     )
 
 
-def make_rig(rng: np.random.Generator, options: SceneOptions) -> Rig:
+def make_rig(rng: np.random.Generator, options: SceneOptions) -> SceneRig:
     """The cameras of a scene: those that are given, or a random ring."""
     if options.rig is not None:
         return staged(options.rig, scale=options.rig_scale)
@@ -142,9 +141,9 @@ def _clocks(rng: np.random.Generator, options: SceneOptions, n_cameras: int) -> 
 
 
 def true_calibration(
-    rig: Rig,
+    rig: SceneRig,
     clocks: Sequence[Clock],
-    seen: Sequence[Sightings],
+    seen: Sequence[CameraObservation],
     epoch_ns: int,
     *,
     line_times_s: Sequence[float] = (),
@@ -193,7 +192,7 @@ def true_calibration(
     )
 
 
-def _associations(seen: Sequence[Sightings]) -> tuple[PersonAssociation, ...]:
+def _associations(seen: Sequence[CameraObservation]) -> tuple[PersonAssociation, ...]:
     """Tracks by person; a track with exchanged ids belongs to all whom it shows for long."""
     tracks: dict[int, dict[str, tuple[int, ...]]] = {}
     for sightings in seen:

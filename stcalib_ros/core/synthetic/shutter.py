@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from stcalib_ros.core.geometry import project
+from stcalib_ros.core.geometry.lens import project
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.synthetic.people import PersonMotion
-from stcalib_ros.core.types import FloatArray, Intrinsics
 
 _PASSES = 5
 """Each leaves the share of the error that a joint's image moves by rows in a row's time."""
@@ -14,12 +15,12 @@ _PASSES = 5
 
 def joints_by_row(
     person: PersonMotion,
-    times: FloatArray,
-    R_cam_world: FloatArray,
-    t_cam_world: FloatArray,
+    times: Float64Array,
+    R_cam_world: Float64Array,
+    t_cam_world: Float64Array,
     lens: Intrinsics,
     line_s: float,
-) -> FloatArray:
+) -> Float64Array:
     """Joints (T, J, 3) in the optical frame, each at the time of the row of its image.
 
     Parameters

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stcalib_ros.core.layouts import LAYOUTS
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 
 LAYOUT = LAYOUTS["h36m_17"]
 """Layout of all simulated people."""
@@ -40,19 +40,19 @@ MIRROR = np.array(
 """Joint that takes a joint's place when left and right are exchanged."""
 
 
-def standard_lengths() -> FloatArray:
+def standard_lengths() -> Float64Array:
     """Bone lengths (17,) of the procedural body, metres; the root's is 0."""
     return np.array([0.0] + [_LENGTHS[kind] for kind in _KIND[1:]])
 
 
-def individual_lengths(rng: np.random.Generator, lengths: FloatArray) -> FloatArray:
+def individual_lengths(rng: np.random.Generator, lengths: Float64Array) -> Float64Array:
     """Bone lengths of somebody else: another size and other proportions, left as right."""
     size = rng.uniform(0.92, 1.12)
     factor = {kind: 1.0 + 0.04 * rng.standard_normal() for kind in dict.fromkeys(_KIND)}
     return np.asarray(lengths * size * np.array([factor[kind] for kind in _KIND]))
 
 
-def bones_of(joints: FloatArray) -> tuple[FloatArray, FloatArray]:
+def bones_of(joints: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Compute unit bone directions (..., 17, 3), the root's zero, and mean bone lengths (17,)."""
     bones = joints - joints[..., np.maximum(PARENTS, 0), :]
     length = np.linalg.norm(bones, axis=-1)
@@ -60,10 +60,10 @@ def bones_of(joints: FloatArray) -> tuple[FloatArray, FloatArray]:
     return unit, length.reshape(-1, N_JOINTS).mean(axis=0)
 
 
-def assemble(root: FloatArray, directions: FloatArray, lengths: FloatArray) -> FloatArray:
+def assemble(root: Float64Array, directions: Float64Array, lengths: Float64Array) -> Float64Array:
     """Joints (..., 17, 3) from root (..., 3), bone directions (of any length) and bone lengths."""
     norm = np.linalg.norm(directions, axis=-1, keepdims=True)
-    bones: FloatArray = directions / np.maximum(norm, 1e-9) * lengths[:, None]
+    bones: Float64Array = directions / np.maximum(norm, 1e-9) * lengths[:, None]
     joints = np.empty_like(bones)
     joints[..., 0, :] = root
     for joint in range(1, N_JOINTS):
@@ -71,7 +71,7 @@ def assemble(root: FloatArray, directions: FloatArray, lengths: FloatArray) -> F
     return joints
 
 
-def body_axes(joints: FloatArray) -> FloatArray:
+def body_axes(joints: Float64Array) -> Float64Array:
     """Axes of the trunk (..., 3, 3): rows forward, left, up in the frame of the joints."""
     left = joints[..., LAYOUT.index("left_hip"), :] - joints[..., LAYOUT.index("right_hip"), :]
     up = joints[..., LAYOUT.index("thorax"), :] - joints[..., LAYOUT.index("pelvis"), :]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stcalib_ros.core.types import BoolArray, FloatArray, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 
 _GAP_S = 2.0
 _MEMORY_S = 0.5
@@ -12,7 +12,7 @@ _COVERED = 0.8
 
 
 def missing_stretches(
-    rng: np.random.Generator, times: FloatArray, n_people: int, share: float
+    rng: np.random.Generator, times: Float64Array, n_people: int, share: float
 ) -> BoolArray:
     """Where people are not detected (T, P): whole stretches that make up a share on average.
 
@@ -33,7 +33,7 @@ def missing_stretches(
 
 def bursts(
     rng: np.random.Generator,
-    times: FloatArray,
+    times: Float64Array,
     n_people: int,
     rate: float,
     length_s: tuple[float, float],
@@ -49,7 +49,7 @@ def bursts(
     return out
 
 
-def boxes_of(keypoints: FloatArray) -> FloatArray:
+def boxes_of(keypoints: Float64Array) -> Float64Array:
     """Left, top, right and bottom (T, P, 4) of key points (T, P, J, 2); NaN if there are none."""
     high = np.where(np.isnan(keypoints), -np.inf, keypoints).max(axis=-2)
     low = np.where(np.isnan(keypoints), np.inf, keypoints).min(axis=-2)
@@ -57,7 +57,7 @@ def boxes_of(keypoints: FloatArray) -> FloatArray:
     return np.where(np.isfinite(boxes), boxes, np.nan)
 
 
-def hidden_behind(boxes: FloatArray, depth: FloatArray) -> BoolArray:
+def hidden_behind(boxes: Float64Array, depth: Float64Array) -> BoolArray:
     """People (T, P) most of whose box is covered by that of somebody nearer."""
     low = np.maximum(boxes[:, :, None, :2], boxes[:, None, :, :2])
     high = np.minimum(boxes[:, :, None, 2:], boxes[:, None, :, 2:])
@@ -67,7 +67,7 @@ def hidden_behind(boxes: FloatArray, depth: FloatArray) -> BoolArray:
     return np.asarray(np.any(nearer & (common > _COVERED * own[:, :, None]), axis=2))
 
 
-def fragment_ids(times: FloatArray, visible: BoolArray) -> IntArray:
+def fragment_ids(times: Float64Array, visible: BoolArray) -> IntArray:
     """Track ids (T, P), -1 where unseen; a gap longer than the tracker's memory gives a new id.
 
     Ids are given in the order of appearance.
@@ -84,7 +84,7 @@ def fragment_ids(times: FloatArray, visible: BoolArray) -> IntArray:
 
 
 def switch_ids(
-    rng: np.random.Generator, times: FloatArray, ids: IntArray, boxes: FloatArray, rate: float
+    rng: np.random.Generator, times: Float64Array, ids: IntArray, boxes: Float64Array, rate: float
 ) -> IntArray:
     """Track ids with two people's exchanged now and then, mostly when their boxes are close.
 

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.geometry import project
-from stcalib_ros.core.layouts import LAYOUTS
-from stcalib_ros.core.types import FloatArray, IntArray
+from stcalib_ros.core.geometry.lens import project
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.io.datasets.form import Dataset, Detections, read_json
 
 _LAYOUT = LAYOUTS["h36m_17"]
@@ -64,7 +64,7 @@ def pose_detections(dataset: Dataset, poses: Path) -> Detections:
 
 def _camera(
     dataset: Dataset, poses: Path, c: int
-) -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
+) -> tuple[IntArray, IntArray, IntArray, Float64Array, Float64Array]:
     folder = poses / dataset.names[c]
     path = folder / "alphapose-results.json"
     results = read_json(path)
@@ -101,7 +101,7 @@ def _by_track(results: list[dict[str, Any]]) -> dict[int, list[dict[str, Any]]]:
     return people
 
 
-def _lifted(folder: Path, track: int, n: int) -> FloatArray:
+def _lifted(folder: Path, track: int, n: int) -> Float64Array:
     path = folder / str(track) / "X3D.npy"
     try:
         X3D = np.load(path, allow_pickle=False)
@@ -126,7 +126,7 @@ def _frame_number(image_id: str | int) -> int:
     return int(digits[-1])
 
 
-def h36m_keypoints(flat: list[float]) -> FloatArray:
+def h36m_keypoints(flat: list[float]) -> Float64Array:
     """Key points (17, 3) in Human3.6M's order: x, y, and the lowest score of the joints used."""
     given = np.array(flat, dtype=float).reshape(-1, 3)
     if len(given) not in (17, 26, 136):
@@ -138,14 +138,14 @@ def h36m_keypoints(flat: list[float]) -> FloatArray:
     return out
 
 
-def _person(dataset: Dataset, frame: int, camera: int, kp2d: FloatArray) -> int:
+def _person(dataset: Dataset, frame: int, camera: int, kp2d: Float64Array) -> int:
     """Number of the true person; -1 where nobody is near."""
     if dataset.joint_names:
         return _nearest_pose(dataset, frame, camera, kp2d)
     return _nearest_box(dataset, frame, camera, kp2d)
 
 
-def _nearest_pose(dataset: Dataset, frame: int, camera: int, kp2d: FloatArray) -> int:
+def _nearest_pose(dataset: Dataset, frame: int, camera: int, kp2d: Float64Array) -> int:
     common = [n for n in _LAYOUT.joint_names if n in dataset.joint_names and n != "neck"]
     mine = kp2d[[_LAYOUT.index(n) for n in common], :2]
     joints = dataset.joints_world[frame][:, [dataset.joint_names.index(n) for n in common]]
@@ -160,7 +160,7 @@ def _nearest_pose(dataset: Dataset, frame: int, camera: int, kp2d: FloatArray) -
     return best if away[best] <= _SAME_PERSON_PX * float(np.ptp(mine[:, 1])) else -1
 
 
-def _nearest_box(dataset: Dataset, frame: int, camera: int, kp2d: FloatArray) -> int:
+def _nearest_box(dataset: Dataset, frame: int, camera: int, kp2d: Float64Array) -> int:
     boxes = dataset.boxes[(dataset.boxes[:, 0] == frame) & (dataset.boxes[:, 1] == camera)]
     if not len(boxes):
         return -1

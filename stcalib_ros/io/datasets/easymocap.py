@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.layouts import LAYOUTS
-from stcalib_ros.core.types import FloatArray, IntArray
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.io.datasets.form import (
     Dataset,
     DatasetOptions,
@@ -84,7 +84,7 @@ def _strings(node: cv2.FileNode) -> list[str]:
     return [v.string() or str(int(v.real())) for v in values]
 
 
-def _matrix(storage: cv2.FileStorage, key: str) -> FloatArray:
+def _matrix(storage: cv2.FileStorage, key: str) -> Float64Array:
     found = storage.getNode(key).mat()
     if found is None:
         raise KeyError(key)
@@ -103,7 +103,7 @@ def _annotations(
     return found
 
 
-def _people(path: Path, options: DatasetOptions) -> dict[int, dict[int, FloatArray]]:
+def _people(path: Path, options: DatasetOptions) -> dict[int, dict[int, Float64Array]]:
     """Joints (25, 3) by frame number and person; empty where there is no folder."""
     folder = next((path / f for f in _KEYPOINTS_3D if (path / f).is_dir()), None)
     if folder is None:
@@ -111,7 +111,7 @@ def _people(path: Path, options: DatasetOptions) -> dict[int, dict[int, FloatArr
     return {n: _persons(read_json(file)) for n, file in numbered(folder, "*.json", options).items()}
 
 
-def _persons(content: list[dict[str, Any]]) -> dict[int, FloatArray]:
+def _persons(content: list[dict[str, Any]]) -> dict[int, Float64Array]:
     people = {}
     for person in content:
         joints = np.array(person["keypoints3d"], dtype=float)[:_JOINTS]
@@ -136,7 +136,7 @@ def _image_size(
     return np.array(sizes)
 
 
-def _boxes(annots: list[dict[int, dict[str, Any]]], numbers: list[int]) -> FloatArray:
+def _boxes(annots: list[dict[int, dict[str, Any]]], numbers: list[int]) -> Float64Array:
     index = {n: f for f, n in enumerate(numbers)}
     rows = [
         (index[n], c, person["personID"], *person["bbox"][:4])

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.core.synthetic.rigs import image_of
-from stcalib_ros.core.types import BoolArray, FloatArray, IntArray, Intrinsics, LensModel
 
 _MIN_JOINTS = 6
 
@@ -77,22 +78,22 @@ class Dataset:
     path: Path
     names: tuple[str, ...]
     image_size: IntArray
-    K: FloatArray
-    dist: FloatArray
-    R: FloatArray
-    t: FloatArray
+    K: Float64Array
+    dist: Float64Array
+    R: Float64Array
+    t: Float64Array
     fps: float
     frame_number: IntArray
     joint_names: tuple[str, ...]
-    joints_world: FloatArray
-    boxes: FloatArray
+    joints_world: Float64Array
+    boxes: Float64Array
 
     def lens(self, c: int) -> Intrinsics:
         """Lens of camera c."""
         width, height = (int(n) for n in self.image_size[c])
         return Intrinsics(width, height, LensModel.PLUMB_BOB, self.K[c], self.dist[c])
 
-    def in_camera(self, c: int) -> FloatArray:
+    def in_camera(self, c: int) -> Float64Array:
         """True joints (F, P, J, 3) in the frame of camera c."""
         return np.asarray(self.joints_world @ self.R[c].T + self.t[c])
 
@@ -118,8 +119,8 @@ class Detections:
     camera: IntArray
     track: IntArray
     person: IntArray
-    kp2d: FloatArray
-    kp3d: FloatArray
+    kp2d: Float64Array
+    kp3d: Float64Array
     joint_names: tuple[str, ...]
     metric: bool
 
@@ -138,7 +139,7 @@ def noisy_detections(dataset: Dataset, sigma_px: float, rng: np.random.Generator
 
 def _noisy_camera(
     dataset: Dataset, c: int, sigma_px: float, rng: np.random.Generator
-) -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
+) -> tuple[IntArray, IntArray, IntArray, Float64Array, Float64Array]:
     lens, points = dataset.lens(c), dataset.in_camera(c)
     metres = sigma_px * np.abs(points[..., 2:]) / np.sqrt(lens.K[0, 0] * lens.K[1, 1])
     points = points + metres * rng.standard_normal(points.shape)
@@ -229,7 +230,7 @@ def numbered(folder: Path, pattern: str, options: DatasetOptions) -> dict[int, P
     return files
 
 
-def stacked_people(frames: Sequence[dict[int, FloatArray]], n_joints: int) -> FloatArray:
+def stacked_people(frames: Sequence[dict[int, Float64Array]], n_joints: int) -> Float64Array:
     """Joints (F, P, J, 3) of people by id in each frame; P are all ids, in order."""
     ids = sorted({i for people in frames for i in people})
     out = np.full((len(frames), len(ids), n_joints, 3), np.nan)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.io.datasets.form import Dataset, DatasetOptions, chosen, read_json
 
 _SIZE = (640, 360)
@@ -61,17 +61,17 @@ def read_mmptrack(path: Path, options: DatasetOptions) -> Dataset:
         ) from error
 
 
-def _rotation(camera: dict[str, Any]) -> FloatArray:
+def _rotation(camera: dict[str, Any]) -> Float64Array:
     """World to camera: the file has the inverse, row by row."""
-    R_world_cam: FloatArray = np.array(camera["ExtrinsicParameters"]["Rotation"], dtype=float)
+    R_world_cam: Float64Array = np.array(camera["ExtrinsicParameters"]["Rotation"], dtype=float)
     return np.asarray(R_world_cam.reshape(3, 3).T)
 
 
-def _pinhole(given: dict[str, Any]) -> FloatArray:
+def _pinhole(given: dict[str, Any]) -> Float64Array:
     return np.array([[given["Fx"], 0, given["Cx"]], [0, given["Fy"], given["Cy"]], [0, 0, 1.0]])
 
 
-def _boxes(path: Path, names: list[str], options: DatasetOptions) -> tuple[FloatArray, list[int]]:
+def _boxes(path: Path, names: list[str], options: DatasetOptions) -> tuple[Float64Array, list[int]]:
     """Boxes (N, 7) as in `Dataset`, and the numbers of the frames."""
     labels: dict[tuple[int, int], dict[str, Any]] = {}
     for c, name in enumerate(names):

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.layouts import LAYOUTS
-from stcalib_ros.core.types import FloatArray
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.io.datasets.form import (
     Dataset,
     DatasetOptions,
@@ -70,7 +70,7 @@ def read_panoptic(path: Path, options: DatasetOptions) -> Dataset:
         ) from error
 
 
-def _people(scene: dict[str, Any]) -> dict[int, FloatArray]:
+def _people(scene: dict[str, Any]) -> dict[int, Float64Array]:
     """Joints (19, 3) in metres by person; joints without confidence are unknown."""
     people = {}
     for body in scene["bodies"]:

@@ -1,0 +1,1 @@
+"""Accuracy on simulated scenes and the demo recording."""

@@ -1,0 +1,103 @@
+"""Whether the predicted covariances are true: normalised estimation errors squared.
+
+    python -m benchmarks.accuracy.consistency
+    python -m benchmarks.accuracy.consistency --only bias --scenes 10
+
+For every camera but the reference, ``e^T C^-1 e / n`` of its rotation, centre and offset, with the
+first baseline of length 1: 1 on average where covariances are true, above where they are too small.
+Exit status 1 if a mean is outside of its bounds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+
+from benchmarks.accuracy.measure import run_calibration
+from benchmarks.accuracy.scenarios import SCENARIOS, Scenario
+from benchmarks.table import Row, print_rows
+from stcalib_ros.core.geometry.so3 import log_so3
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
+from stcalib_ros.core.synthetic import simulate
+from stcalib_ros.io.mocap import shipped_clips
+
+_BLOCKS = ("rotation", "centre", "offset")
+_BOUNDS = {"default": (0.7, 1.5), "bias": (0.5, 3.0), "rates": (0.5, 3.0)}
+_RANK = 1e-6
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the benchmark and print the table; 0 if all means are within their bounds, else 1."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.accuracy.consistency", description=__doc__
+    )
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("--only", choices=list(_BOUNDS), help="one scenario")
+    parser.add_argument("--scenes", type=int, default=100, metavar="N", help="default 100")
+    args = parser.parse_args(argv)
+    met: bool = True
+    for scenario in SCENARIOS:
+        if scenario.name in _BOUNDS and args.only in (None, scenario.name):
+            rows = _rows(scenario, args.scenes)
+            print_rows(f"{scenario.name}: {scenario.title}", rows, file=sys.stdout)
+            met = met and all(row.met is not False for row in rows)
+    return 0 if met else 1
+
+
+def _rows(scenario: Scenario, n_scenes: int) -> list[Row]:
+    found = [_scene(scenario, index) for index in range(n_scenes)]
+    values = np.array([row for rows in found for row in rows]).reshape(-1, len(_BLOCKS))
+    low, high = _BOUNDS[scenario.name]
+    out = [Row("scenes", f"{sum(bool(rows) for rows in found)} of {n_scenes} calibrated", "", None)]
+    for name, column in zip(_BLOCKS, values.T, strict=True):
+        mean = float(np.mean(column)) if len(column) else float("nan")
+        p90 = float(np.percentile(column, 90)) if len(column) else float("nan")
+        text = f"mean {mean:.2f}  p90 {p90:.2f}"
+        out.append(Row(name, text, f"mean {low:g} to {high:g}", low <= mean <= high))
+    return out
+
+
+def _scene(scenario: Scenario, index: int) -> list[list[float]]:
+    scene = simulate(scenario.scene_options(index), clips=shipped_clips())
+    found = run_calibration(scene.recording).calibration
+    complete = found is not None and len(found.cameras) == len(scene.truth.cameras)
+    if found is None or not complete or found.status is not Status.OK:
+        return []
+    return normalised_errors(found, scene.truth)
+
+
+def normalised_errors(found: Calibration, truth: Calibration) -> list[list[float]]:
+    """Per camera but the reference: of rotation, centre and offset, by degree of freedom."""
+    unit, true_unit = (1.0 / np.linalg.norm(c.cameras[1].t_ref_cam) for c in (found, truth))
+    return [
+        _of_camera(camera, true, float(unit), float(true_unit))
+        for camera, true in zip(found.cameras[1:], truth.cameras[1:], strict=True)
+    ]
+
+
+def _of_camera(
+    camera: CameraCalibration, true: CameraCalibration, unit: float, true_unit: float
+) -> list[float]:
+    turned = log_so3(camera.R_ref_cam @ true.R_ref_cam.T)
+    moved = camera.t_ref_cam * unit - true.t_ref_cam * true_unit
+    shifted = np.array([camera.time_offset_s - true.time_offset_s])
+    return [
+        _normalised(turned, camera.covariance[3:, 3:]),
+        _normalised(moved, camera.covariance[:3, :3] * unit**2),
+        _normalised(shifted, np.array([[camera.time_offset_stddev_s**2]])),
+    ]
+
+
+def _normalised(error: Float64Array, covariance: Float64Array) -> float:
+    """``e^T C^+ e`` by the rank of C: along the first baseline the gauge leaves no error."""
+    value, vector = np.linalg.eigh(covariance)
+    free = value > _RANK * value.max()
+    return float(((error @ vector[:, free]) ** 2 / value[free]).sum() / free.sum())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

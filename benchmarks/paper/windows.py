@@ -1,0 +1,154 @@
+"""A pair of cameras on given windows of frames: the paper's protocol, for either method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.integration.averaging import reliability
+from stcalib_ros.core.lifting.views import LiftedViews
+from stcalib_ros.core.model.arrays import BoolArray, IntArray
+from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
+from stcalib_ros.core.model.relative_pose import RelativePose
+from stcalib_ros.core.options import Options
+from stcalib_ros.core.paper.oriented import oriented_points
+from stcalib_ros.core.paper.registration import PairRegistration, register
+from stcalib_ros.core.registration.resampling import common_step, sample_camera
+from stcalib_ros.core.registration.two_view_refinement import refine_pair
+from stcalib_ros.core.registration.voting import register_pair
+
+
+def register_on_windows(
+    views: LiftedViews,
+    a: int,
+    b: int,
+    starts: Sequence[int] | IntArray,
+    options: Options,
+    *,
+    max_lag: int,
+    rng: np.random.Generator,
+    refine: bool = False,
+) -> PairRegistration | None:
+    """Register two cameras on windows of ``options.vmf.window`` frames of the first.
+
+    All windows together give one rotation, one offset and one translation.
+
+    Parameters
+    ----------
+    views : Views
+    a, b : int
+        Indices of the cameras; a is the target view.
+    starts : (W,) sequence of int
+        First frames of the windows, counted from the first image of camera a in frame periods.
+    options : Options
+        ``registration.method`` says how. A track needs to be seen in a window only: the default
+        method's ``min_overlap`` is lowered to the frames of all windows.
+    max_lag : int
+        Frame k of a is compared with the frames k - max_lag .. k + max_lag of b, counted from the
+        same stamp; 0: synchronised.
+    rng : numpy.random.Generator
+        Of the paper's initial rotations; the default method needs none.
+    refine : bool
+        Default method only: refine on the key points of the windows, to fractions of a frame.
+
+    Returns
+    -------
+    PairRegistration or None
+        None where nobody can be matched.
+
+    Raises
+    ------
+    InputError
+        There is no window, or one lies outside of the images of camera a.
+    """
+    cam_a, window = views.lifted[a], options.vmf.window
+    step = common_step([views.lifted[a], views.lifted[b]])
+    n = round(float(cam_a.stamps[-1] - cam_a.stamps[0]) / step) + 1
+    first = np.asarray(starts, dtype=np.int64)
+    if not len(first) or first.min() < 0 or first.max() + window > n:
+        raise InputError(
+            f"windows of {window} frames from {list(starts)}: {cam_a.name} has {n} frames"
+        )
+    begin = float(cam_a.stamps[0]) - max_lag * step
+    size = n + 2 * max_lag
+    if options.registration.method == "vmf":
+        target, source = (
+            oriented_points(views.lifted[c], views.skeleton, start=begin, step=step, n=size)
+            for c in (a, b)
+        )
+        lags = np.arange(-max_lag, max_lag + 1)
+        found = register(a, b, target, source, first + max_lag, lags, options.vmf, rng)
+        return None if found is None else replace(found, starts=first)
+    inside = _only_windows(cam_a, first, window, step)
+    return _by_correlation(
+        views, a, b, inside, first, options, begin=begin, n=size, max_lag=max_lag, refine=refine
+    )
+
+
+def _only_windows(camera: LiftedCamera, starts: IntArray, window: int, step: float) -> LiftedCamera:
+    """A camera that knows nothing of its tracks outside of the windows."""
+    frame = np.rint((camera.stamps - camera.stamps[0]) / step).astype(np.int64)
+    inside = np.isin(frame, (starts[:, None] + np.arange(window)).ravel())
+    return replace(camera, tracks=tuple(_seen(t, inside[t.frames]) for t in camera.tracks))
+
+
+def _seen(track: LiftedTrack, rows: BoolArray) -> LiftedTrack:
+    """Some frames of a track; of a track that has none of them, one frame with nothing in it."""
+    if not rows.any():
+        x, focal, joints = (
+            np.full_like(one[:1], np.nan) for one in (track.x, track.focal, track.joints_cam)
+        )
+        return LiftedTrack(track.track_id, track.frames[:1], x, focal, joints)
+    return track[rows]
+
+
+def _by_correlation(
+    views: LiftedViews,
+    a: int,
+    b: int,
+    target: LiftedCamera,
+    starts: IntArray,
+    options: Options,
+    *,
+    begin: float,
+    n: int,
+    max_lag: int,
+    refine: bool,
+) -> PairRegistration | None:
+    """The default method on the windows of the target."""
+    window, o = options.vmf.window, options.registration
+    step = common_step([views.lifted[a], views.lifted[b]])
+    here, there = (
+        sample_camera(camera, views.skeleton, start=begin, step=step, n=n)
+        for camera in (target, views.lifted[b])
+    )
+    few = replace(o, min_overlap=min(o.min_overlap, window * len(starts)))
+    hypotheses = register_pair(a, b, here, there, max_lag, few)
+    if not hypotheses:
+        return None
+    best = hypotheses[0]
+    if refine:
+        cameras = [target if c == a else camera for c, camera in enumerate(views.lifted)]
+        refined = [
+            refine_pair(cameras, h, synchronised=max_lag == 0) for h in hypotheses[: o.n_refined]
+        ]
+        best = max([*hypotheses, *(h for h in refined if h is not None)], key=reliability)
+    return PairRegistration(best, starts, _in_windows(target, best, starts, window, step), np.nan)
+
+
+def _in_windows(
+    target: LiftedCamera, h: RelativePose, starts: IntArray, window: int, step: float
+) -> IntArray:
+    """Matches (M, 3) of whole tracks, in every window in which the target is seen."""
+    found = []
+    for p, q in h.matches:
+        track = target.tracks[p]
+        stamps = target.stamps[track.frames[np.isfinite(track.joints_cam).any((1, 2))]]
+        frame = np.rint((stamps - target.stamps[0]) / step).astype(np.int64)
+        for w, start in enumerate(starts):
+            if ((frame >= start) & (frame < start + window)).any():
+                found.append((w, p, q))
+    return np.array(sorted(found), dtype=np.int64).reshape(-1, 3)

@@ -1,0 +1,1 @@
+"""Spatiotemporal bundle adjustment, iterated (STBA, ISTBA)."""

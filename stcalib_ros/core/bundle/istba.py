@@ -1,0 +1,193 @@
+"""Iterated STBA (ISTBA): associate, adjust, drop what does not fit, again (Section IV)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from stcalib_ros.core.bundle.iteration import Iteration, _rig_of
+from stcalib_ros.core.bundle.levenberg_marquardt import adjust
+from stcalib_ros.core.bundle.observations import Observations, observe
+from stcalib_ros.core.bundle.offset_debiasing import debias_offsets
+from stcalib_ros.core.bundle.outliers import connected, drop_outliers, image_points
+from stcalib_ros.core.bundle.residuals import errors_px, median_error
+from stcalib_ros.core.bundle.state import BundleState, estimate_motion, initial_state
+from stcalib_ros.core.integration.association import SLOT_SAMPLES, Association, associate
+from stcalib_ros.core.integration.exclusions import Disconnected
+from stcalib_ros.core.model.arrays import IntArray
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.rig import Rig
+from stcalib_ros.core.options import BundleOptions
+
+_FIRST_FLOOR_PX = 15.0
+_FLOOR_PX = 8.0
+_FINAL_TOLERANCE = 0.3
+_TOLERANCE = 1.0
+_MAX_POINTS_FIRST = 5000
+_MAX_POINTS_BETWEEN = 10_000
+_ENOUGH_SLOTS = 12
+
+
+def initial_adjustment(
+    cameras: Sequence[LiftedCamera], rig: Rig, o: BundleOptions, *, step_s: float
+) -> Iteration | Disconnected:
+    """Associate at the rig of the multi-view integration and adjust on a part of the joints."""
+    every = _every_slot(cameras, rig, step_s)
+    association = associate(cameras, rig, step_s=step_s, floor_px=_FIRST_FLOOR_PX, every=every)
+    return _round(
+        *(cameras, rig, association, o, step_s),
+        tolerance=2.0,
+        every_slot=every,
+        max_points=_MAX_POINTS_FIRST,
+    )
+
+
+def istba_iteration(
+    cameras: Sequence[LiftedCamera],
+    before: Iteration,
+    o: BundleOptions,
+    *,
+    step_s: float,
+    last: bool,
+) -> Iteration | Disconnected:
+    """Associate again, adjust without the outliers; on a part of everything until the last."""
+    rig = before.rig
+    every = 1 if last else _every_slot(cameras, rig, step_s)
+    association = associate(cameras, rig, step_s=step_s, floor_px=_FLOOR_PX, every=every)
+    tolerance = _FINAL_TOLERANCE if last else _TOLERANCE
+    return _round(
+        *(cameras, rig, association, o, step_s),
+        tolerance=tolerance,
+        every_slot=every,
+        max_points=None if last else _MAX_POINTS_BETWEEN,
+        drop=True,
+        last=last,
+    )
+
+
+def _every_slot(cameras: Sequence[LiftedCamera], rig: Rig, step_s: float) -> int:
+    """Step between the slots that are enough to begin with: 600 samples and more."""
+    longest = max(float(cameras[c].stamps[-1] - cameras[c].stamps[0]) for c in rig.cameras)
+    return max(1, int(longest / (SLOT_SAMPLES * step_s)) // _ENOUGH_SLOTS)
+
+
+def run_istba(
+    cameras: Sequence[LiftedCamera],
+    first: Iteration,
+    o: BundleOptions,
+    *,
+    step_s: float,
+    tick: Callable[[float, Iteration], None],
+) -> tuple[Iteration, ...] | Disconnected:
+    """Rounds until neither persons nor cameras change; the last one is solved to the end.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+    first : Iteration
+    o : BundleOptions
+    step_s : float
+    tick : callable
+        Called before each round with the fraction done and the round before.
+
+    Returns
+    -------
+    tuple of Iteration or Disconnected
+        The first round and the last two; those between would only take memory. The latter as soon
+        as cameras fall apart.
+    """
+    done = [first]
+    for n in range(1, o.rounds):
+        tick(n / o.rounds, done[-1])
+        settled = n > 2 and _settled(done[-2], done[-1], step_s)
+        last = settled or n == o.rounds - 1
+        result = istba_iteration(cameras, done[-1], o, step_s=step_s, last=last)
+        if isinstance(result, Disconnected):
+            return result
+        done = [first, *done[1:][-1:], result]
+        if last:
+            break
+    return tuple(done)
+
+
+def _settled(before: Iteration, after: Iteration, step_s: float) -> bool:
+    same = all(
+        np.array_equal(a, b)
+        for a, b in zip(before.association.person_of, after.association.person_of, strict=True)
+    )
+    baseline = float(np.linalg.norm(after.rig.t_ref_cam[1]))
+    moved = np.linalg.norm(after.rig.t_ref_cam - before.rig.t_ref_cam, axis=-1).max() / baseline
+    turned = np.abs(after.rig.R_ref_cam - before.rig.R_ref_cam).max()
+    shifted = np.abs(after.rig.offset_s - before.rig.offset_s).max() / step_s
+    return same and bool(max(moved, turned) < 1e-3 and shifted < 0.02)
+
+
+def _round(
+    cameras: Sequence[LiftedCamera],
+    rig: Rig,
+    association: Association,
+    o: BundleOptions,
+    step_s: float,
+    *,
+    tolerance: float,
+    every_slot: int,
+    max_points: int | None = None,
+    drop: bool = False,
+    last: bool = False,
+) -> Iteration | Disconnected:
+    observations = observe(cameras, rig, association, step_s=step_s)
+    J = observations.x.shape[2]
+    every = 1
+    if max_points is not None:
+        every = min(-(-len(observations.person) * J // max_points), J // 4) or 1
+        observations = observations.thinned_joints(every)
+    state = initial_state(observations, rig)
+    if drop:
+        state = drop_outliers(observations, state, o)
+    total = image_points([cameras[c] for c in rig.cameras]) // (every * every_slot)
+    groups = connected(state.used, total)
+    if len(groups) > 1:
+        return Disconnected(tuple(groups))
+    state = adjust(
+        observations,
+        state,
+        iterations=o.max_iterations,
+        tolerance=tolerance,
+        renew_velocities=last,
+    )
+    if drop:
+        state = debias_offsets(observations, state, iterations=o.max_iterations)
+    if last:
+        state = drop_outliers(observations, state, o)
+    coverage = every_slot * J / observations.x.shape[2]
+    return finish_iteration(rig, association, observations, state, total, coverage=coverage)
+
+
+def finish_iteration(
+    rig: Rig,
+    association: Association,
+    observations: Observations,
+    state: BundleState,
+    total: IntArray,
+    *,
+    coverage: float = 1.0,
+) -> Iteration:
+    """The record of a round that started from a rig; `total` image points (C,) in all."""
+    errors = errors_px(observations, state)
+    median = median_error(errors, state.used)
+    share = float((state.used.sum((0, 2)) / np.maximum(total, 1)).min())
+    return Iteration(_rig_of(state, rig), association, observations, state, median, coverage, share)
+
+
+def readjusted(
+    before: Iteration, observations: Observations, o: BundleOptions, *, last: bool
+) -> Iteration:
+    """A round whose images were taken at other times, adjusted to them from where it is."""
+    known = before.state.used.sum(1) >= 2
+    V, A = estimate_motion(observations, before.state.X, known)
+    state = drop_outliers(observations, replace(before.state, V=V, A=A), o)
+    tolerance = _FINAL_TOLERANCE if last else _TOLERANCE
+    state = adjust(observations, state, iterations=o.max_iterations, tolerance=tolerance)
+    return before.moved(observations, state)

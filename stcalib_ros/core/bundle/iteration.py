@@ -1,0 +1,202 @@
+"""The result of one ISTBA iteration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stcalib_ros.core.bundle.observations import Observations
+from stcalib_ros.core.bundle.residuals import errors_px, median_error
+from stcalib_ros.core.bundle.state import BundleState
+from stcalib_ros.core.geometry.so3 import rotation_angle
+from stcalib_ros.core.integration.association import Association
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.model.rig import Rig, _part
+
+_OTHER_ROTATION = 0.1
+
+
+_OTHER_POSITION = 0.3
+
+
+_OTHER_DISTANCE = 0.03
+
+
+_OTHER_SCALE = 1.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClockSkews:
+    """Rates of the clocks of the cameras (C,) against that of the reference.
+
+    Attributes
+    ----------
+    skew : (C,) ndarray
+        ``t_ref = t_cam + offset + skew (t_ref - middle_s)``; 0 where not told.
+    stddev : (C,) ndarray
+        Predicted; of those that are not told, what it would have been.
+    middle_s : float
+        The moment that the offsets of the rig hold for.
+    """
+
+    skew: Float64Array
+    stddev: Float64Array
+    middle_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimestampErrors:
+    """Errors of single stamps of the cameras (C,), and what they leave unknown of the clocks.
+
+    Attributes
+    ----------
+    stddev_s : (C,) ndarray
+        Of the error of a stamp.
+    offset_variance, rate_variance : (C,) ndarray
+        Of their mean and of their trend, which no image tells from offset and rate of the clock.
+    """
+
+    stddev_s: Float64Array
+    offset_variance: Float64Array
+    rate_variance: Float64Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineDelays:
+    """Line times of the shutters of the cameras (C,), estimated.
+
+    Attributes
+    ----------
+    line_s : (C,) ndarray
+        Seconds per row; where the recording does not tell it, the given one.
+    stddev_s : (C,) ndarray
+        Predicted; of those that are not told, what it would have been.
+    first_row_s : (C,) ndarray
+        What to add to the offsets of the rig for them to hold for row 0.
+    added : (7 C, 7 C) ndarray
+        What not to know the line times adds to the covariance of the cameras, offsets of row 0.
+    """
+
+    line_s: Float64Array
+    stddev_s: Float64Array
+    first_row_s: Float64Array
+    added: Float64Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Iteration:
+    """What one round of association, adjustment and outlier removal left.
+
+    Attributes
+    ----------
+    rig : Rig
+        Poses and offsets after the adjustment.
+    association : Association
+        That the adjustment was made with.
+    observations : Observations
+    state : BundleState
+        Of the adjustment; `state.used` are the inliers.
+    median_px : float
+        Reprojection error of the inliers.
+    coverage : float
+        How many image points stand behind each one of the observations.
+    share : float
+        Of all image points of a camera, matched or not, the part that fits; of the camera
+        with the smallest.
+    clocks : ClockSkews or None
+        None where they were not asked for.
+    stamps : TimestampErrors or None
+        None where stamps have no errors that images tell.
+    lines : LineDelays or None
+        None where they were not estimated.
+    """
+
+    rig: Rig
+    association: Association
+    observations: Observations
+    state: BundleState
+    median_px: float
+    coverage: float
+    share: float
+    clocks: ClockSkews | None = None
+    stamps: TimestampErrors | None = None
+    lines: LineDelays | None = None
+
+    def moved(self, observations: Observations, state: BundleState) -> Iteration:
+        """The same persons after one more adjustment of the same images."""
+        before = replace(self.rig, offset_s=self.rig.offset_s - self.state.shift_s)
+        errors = errors_px(observations, state)
+        median = median_error(errors, state.used)
+        return replace(
+            self,
+            rig=_rig_of(state, before),
+            observations=observations,
+            state=state,
+            median_px=median,
+        )
+
+    def rms_px(self) -> float:
+        """Root mean square reprojection error of the inliers, px; NaN if there is none."""
+        errors = errors_px(self.observations, self.state)[self.state.used]
+        return float(np.sqrt((errors**2).mean())) if len(errors) else float("nan")
+
+    def fit(self, scale_px: float) -> float:
+        """How much of all that was seen this round explains, beyond what it was free to fit.
+
+        A robust count of image points, less one and a half for each joint position: three
+        unknowns take up as much of two coordinates. Two views always find some point that
+        suits them, so that a person split in two groups of cameras explains little.
+        """
+        errors = errors_px(self.observations, self.state)
+        good = self.observations.seen & np.isfinite(errors)
+        value = (1.0 / (1.0 + (errors[good] / scale_px) ** 2)).sum()
+        n_points = (self.state.used.sum(1) >= 2).sum()
+        return float((value - 1.5 * n_points) * self.coverage)
+
+    def differing(self, other: Iteration, tolerance_s: float) -> int:
+        """Cameras that stand elsewhere, or whose clock is off by more, in the other solution.
+
+        Counted against the camera that makes the count smallest, among those that both have;
+        all of them differ if the two have not two cameras in common.
+        """
+        common = np.intersect1d(self.rig.cameras, other.rig.cameras)
+        counts = [len(common)]
+        for anchor in common:
+            cameras = np.array([anchor, *(c for c in common if c != anchor)])
+            mine, its = (_part(one.rig, cameras) for one in (self, other))
+            counts.append(int(_elsewhere(mine, its, tolerance_s).sum()))
+        return min(counts) if len(common) > 1 else max(len(self.rig.cameras), 1)
+
+    def clock_difference_s(self, other: Iteration) -> float:
+        """Largest difference of the offsets of cameras that both have, seconds."""
+        common = np.intersect1d(self.rig.cameras, other.rig.cameras)
+        if not len(common):
+            return float("inf")
+        mine, its = (_part(one.rig, common) for one in (self, other))
+        return float(np.abs(mine.offset_s - its.offset_s).max())
+
+
+def _rig_of(state: BundleState, rig: Rig) -> Rig:
+    R_ref_cam = np.swapaxes(state.R_cam_ref, -1, -2)
+    return replace(
+        rig,
+        R_ref_cam=R_ref_cam,
+        t_ref_cam=0.0 - np.einsum("cij,cj->ci", R_ref_cam, state.t_cam_ref),
+        offset_s=rig.offset_s + state.shift_s,
+    )
+
+
+def _elsewhere(one: Rig, other: Rig, tolerance_s: float) -> BoolArray:
+    """Cameras (C,) that stand, look or run elsewhere in another rig of the same cameras.
+
+    By how much most of them are further away is the size that the people are taken for.
+    """
+    turned = rotation_angle(np.swapaxes(one.R_ref_cam, -1, -2) @ other.R_ref_cam)
+    reach, its_reach = (np.linalg.norm(rig.t_ref_cam, axis=-1) for rig in (one, other))
+    scale = np.median(reach[1:] / np.maximum(its_reach[1:], 1e-9))
+    scale = np.clip(scale, 1 / _OTHER_SCALE, _OTHER_SCALE)
+    apart = np.linalg.norm(one.t_ref_cam - scale * other.t_ref_cam, axis=-1)
+    shifted = np.abs(one.offset_s - other.offset_s)
+    moved = apart > _OTHER_POSITION + _OTHER_DISTANCE * reach
+    return np.asarray((turned > _OTHER_ROTATION) | moved | (shifted > tolerance_s))

@@ -1,0 +1,187 @@
+"""The image points of associated persons, laid out for bundle adjustment.
+
+World time is cut at uniform knots. Every image of every camera belongs to the knot nearest
+to it by the present offsets, or to the one beside it that has none, where jitter put two images
+next to one knot; the rest, half a step or little more, is left to the motion model
+``X + phi V`` (Section IV).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stcalib_ros.core.integration.association import Association
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.rig import Rig
+
+_FURTHEST = 0.75
+"""Steps from an image to its knot."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observations:
+    """Image points by row (one person at one knot), camera and joint.
+
+    Attributes
+    ----------
+    person, knot : (N,) ndarray of int
+        Rows are sorted by person, then knot.
+    track : (N, C) ndarray of int
+        Index of the track that the points come from; -1 where none.
+    phi : (N, C) ndarray
+        Time of the image after the knot by the offsets of the rig, seconds.
+    x : (N, C, J, 2) ndarray
+        Points on the plane z = 1; 0 where not seen.
+    focal : (N, C, J) ndarray
+        Pixels per unit of x.
+    seen : (N, C, J) ndarray of bool
+    start_s, step_s : float
+        Time of knot 0 and between knots.
+    row : (N, C, J) ndarray or None
+        Of the points in their images, px, from the row that `phi` is the time of; 0 where not
+        seen. None where all shutters take all rows at once.
+    line_s : (C,) ndarray or None
+        Line times of the shutters, seconds per row.
+    """
+
+    person: IntArray
+    knot: IntArray
+    track: IntArray
+    phi: Float64Array
+    x: Float64Array
+    focal: Float64Array
+    seen: BoolArray
+    start_s: float
+    step_s: float
+    row: Float64Array | None = None
+    line_s: Float64Array | None = None
+
+    def elapsed(self, rows: slice | IntArray = slice(None)) -> Float64Array:
+        """Time of the points after their knots by the offsets of the rig, seconds.
+
+        (n, C, J), or (n, C, 1) where all joints of an image are seen at once.
+        """
+        when = self.phi[rows][..., None]
+        if self.row is None or self.line_s is None:
+            return when
+        return np.asarray(when + self.line_s[:, None] * self.row[rows])
+
+    def thinned_joints(self, n: int) -> Observations:
+        """The same with every n-th joint only; a copy, so that the others can be forgotten."""
+        return replace(
+            self,
+            x=self.x[:, :, ::n].copy(),
+            focal=self.focal[:, :, ::n].copy(),
+            seen=self.seen[:, :, ::n].copy(),
+            row=None if self.row is None else self.row[:, :, ::n].copy(),
+        )
+
+    def only(self, rows: IntArray | BoolArray) -> Observations:
+        """The same with some rows only."""
+        names = ("person", "knot", "track", "phi", "x", "focal", "seen")
+        row = None if self.row is None else self.row[rows]
+        return replace(self, row=row, **{name: getattr(self, name)[rows] for name in names})
+
+
+def observe(
+    cameras: Sequence[LiftedCamera], rig: Rig, association: Association, *, step_s: float
+) -> Observations:
+    """Collect the image points of all persons that at least two cameras see at a knot."""
+    members = [cameras[c] for c in rig.cameras]
+    C = len(members)
+    some = next(t for m in members for t in m.tracks)
+    J, precision = some.x.shape[1], some.x.dtype
+    n_knots = int(np.ceil(association.person_of[0].shape[1] * association.slot_s / step_s)) + 2
+    cells = np.zeros((association.n_persons * n_knots, C), dtype=np.int64) - 1
+    table = [_images(m, rig, i, association, step_s) for i, m in enumerate(members)]
+    for c, images in enumerate(table):
+        order = np.argsort(-np.abs(images.phi), kind="stable")
+        cells[images.person[order] * n_knots + images.knot[order], c] = order
+    rows = np.flatnonzero((cells >= 0).sum(-1) >= 2)
+    N = len(rows)
+    x, focal = np.zeros((N, C, J, 2), precision), np.ones((N, C, J), precision)
+    seen = np.zeros((N, C, J), dtype=bool)
+    phi, track = np.zeros((N, C)), np.full((N, C), -1, dtype=np.int64)
+    rolling = some.rows is not None
+    row = np.zeros((N, C, J), precision) if rolling else None
+    for c, images in enumerate(table):
+        there = np.flatnonzero(cells[rows, c] >= 0)
+        image = cells[rows[there], c]
+        points = images.x[image]
+        known = np.isfinite(points).all(-1)
+        seen[there, c] = known
+        x[there, c] = np.where(known[..., None], points, 0.0)
+        focal[there, c] = np.where(known, images.focal[image], 1.0)
+        phi[there, c], track[there, c] = images.phi[image], images.track[image]
+        if row is not None and images.rows is not None:
+            row[there, c] = np.where(known, images.rows[image], 0.0)
+    return Observations(
+        *(rows // n_knots, rows % n_knots, track, phi, x, focal, seen),
+        *(association.start_s, step_s, row),
+        np.array([m.shutter.line_time_s for m in members]) if rolling else None,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Images:
+    person: IntArray
+    knot: IntArray
+    phi: Float64Array
+    track: IntArray
+    x: Float64Array
+    focal: Float64Array
+    rows: Float64Array | None = None
+
+
+def _images(
+    camera: LiftedCamera, rig: Rig, i: int, association: Association, step_s: float
+) -> _Images:
+    """All images of associated persons of one camera, with the knots they belong to."""
+    parts = []
+    times = camera.stamps + rig.offset_s[i]
+    elapsed = times - association.start_s
+    knots = nearest_knots(elapsed / step_s)
+    late = elapsed - knots * step_s
+    for p, track in enumerate(camera.tracks):
+        person = association.person_of[i][p][association.slot(times[track.frames])]
+        use = person >= 0
+        frames = track.frames[use]
+        index = np.full(len(frames), p, dtype=np.int64)
+        part = (person[use], knots[frames], late[frames], index, track.x[use], track.focal[use])
+        parts.append(part if track.rows is None else (*part, track.rows[use]))
+    return _Images(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def nearest_knots(position: Float64Array) -> IntArray:
+    """Knots of the images of a camera at increasing positions (F,), in steps.
+
+    Of two images next to one knot, the earlier one moves to the knot before if that has none and
+    is less than three quarters of a step away, or else the later one to the knot after.
+    """
+    knot: IntArray = np.rint(position).astype(np.int64)
+    for first, way in ((0, -1), (1, 1)):
+        movable = np.flatnonzero(knot[1:] == knot[:-1]) + first
+        to = knot[movable] + way
+        free = ~np.isin(to, knot) & (np.abs(position[movable] - to) < _FURTHEST)
+        knot[movable[free]] = to[free]
+    return knot
+
+
+def blocks_of(o: Observations) -> Iterator[slice]:
+    """Rows in portions that fit into the cache."""
+    N, C, J = o.seen.shape
+    return row_blocks(N, C * J)
+
+
+_BLOCK = 10_000
+
+
+def row_blocks(n_rows: int, per_row: int) -> Iterator[slice]:
+    """Slices of rows with about so many image points that a block fits into the cache."""
+    size = max(1, _BLOCK // max(per_row, 1))
+    for begin in range(0, n_rows, size):
+        yield slice(begin, min(begin + size, n_rows))

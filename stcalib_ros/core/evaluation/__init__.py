@@ -1,0 +1,1 @@
+"""Errors against known truth, and their lower bound."""

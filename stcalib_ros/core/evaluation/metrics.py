@@ -1,0 +1,308 @@
+"""The paper's figures: how far a calibration is from the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.alignment import umeyama
+from stcalib_ros.core.geometry.so3 import rotation_angle
+from stcalib_ros.core.geometry.triangulation import triangulate
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.model.calibration import Calibration, PersonAssociation
+
+
+@dataclass(frozen=True, slots=True)
+class CameraError:
+    """Errors of one camera.
+
+    Attributes
+    ----------
+    name : str
+    rotation_rad : float
+        Angle between estimated and true orientation in the reference frame.
+    translation : float
+        Distance of the estimated from the true position in the reference frame, after scaling,
+        over the true distance of the first two cameras.
+    centre : float
+        Distance from the true position after similarity alignment of all cameras, in the
+        truth's unit.
+    offset_s, offset_frames : float
+        Estimated minus true clock offset, in the middle of the recording; frames are NaN where
+        no frame rate is given.
+    """
+
+    name: str
+    rotation_rad: float
+    translation: float
+    centre: float
+    offset_s: float
+    offset_frames: float
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """Errors of a calibration; the capital letters are the paper's.
+
+    Attributes
+    ----------
+    reference : str
+        Camera in whose frame and clock the two are compared.
+    cameras : tuple of CameraError
+        Those in both, in the order of the truth.
+    missing : tuple of str
+        Cameras of the truth that the estimate has not.
+    E_R : float
+        Mean rotation error of the cameras other than the reference, rad.
+    E_t : float
+        Root mean square of the translation errors of the cameras other than the reference.
+    E_delta : float
+        Mean absolute offset error of the cameras other than the reference, frames.
+    E_delta_s : float
+        The same in seconds.
+    E_2D : float
+        ``reprojection_rms_px`` of the estimate.
+    centre_mean, centre_max : float
+        Of the camera positions after similarity alignment, in the truth's unit.
+    scale : float
+        Estimated over true distance of the first two cameras.
+    n_matches : int
+        Pairs of tracks of different cameras that the estimate takes for one person and whose
+        true persons are known.
+    precision, recall : float
+        Share of those that are right, and share of the true pairs among them; NaN if there
+        are none.
+    """
+
+    reference: str
+    cameras: tuple[CameraError, ...]
+    missing: tuple[str, ...]
+    E_R: float
+    E_t: float
+    E_delta: float
+    E_delta_s: float
+    E_2D: float
+    centre_mean: float
+    centre_max: float
+    scale: float
+    n_matches: int
+    precision: float
+    recall: float
+
+
+def evaluate(estimate: Calibration, truth: Calibration, *, fps: float | None = None) -> Evaluation:
+    """Compare a calibration with the truth, whatever their reference frames and scales.
+
+    Both are expressed in the frame and by the clock of the truth's reference camera (or the first
+    common camera, if the estimate lacks that); the scale is that of the first two cameras in the
+    truth's order.
+
+    Parameters
+    ----------
+    estimate, truth : Calibration
+    fps : float, optional
+        Frame rate for `Evaluation.E_delta`.
+
+    Raises
+    ------
+    InputError
+        The two have fewer than two cameras in common.
+    """
+    known = {camera.name for camera in estimate.cameras}
+    names = [camera.name for camera in truth.cameras if camera.name in known]
+    if len(names) < 2:
+        raise InputError(
+            f"estimate and truth must have two cameras in common, got {names or 'none'}: the "
+            f"estimate has {sorted(known)}, the truth {[c.name for c in truth.cameras]}"
+        )
+    reference = truth.reference if truth.reference in names else names[0]
+    middle_s = 0.5 * sum(truth.window_s)
+    ours = _expressed(estimate, names, reference, middle_s)
+    right = _expressed(truth, names, reference, middle_s)
+    scale, baseline = _scale(ours, right, names)
+    angle = rotation_angle(right.R_ref_cam.swapaxes(1, 2) @ ours.R_ref_cam)
+    away = np.linalg.norm(ours.t_ref_cam / scale - right.t_ref_cam, axis=-1) / baseline
+    centre = _centre_errors(ours.t_ref_cam, right.t_ref_cam)
+    offset = ours.offset_s - right.offset_s
+    frames = np.full(len(names), np.nan) if fps is None else offset * fps
+    others = np.array(names) != reference
+    n_matches, precision, recall = match_quality(estimate.persons, truth.persons, names)
+    rows = zip(names, angle, away, centre, offset, frames, strict=True)
+    return Evaluation(
+        reference=reference,
+        cameras=tuple(CameraError(name, *map(float, values)) for name, *values in rows),
+        missing=tuple(c.name for c in truth.cameras if c.name not in known),
+        E_R=float(angle[others].mean()),
+        E_t=float(np.sqrt(np.mean(away[others] ** 2))),
+        E_delta=float(np.abs(frames[others]).mean()),
+        E_delta_s=float(np.abs(offset[others]).mean()),
+        E_2D=estimate.reprojection_rms_px,
+        centre_mean=float(centre.mean()),
+        centre_max=float(centre.max()),
+        scale=scale,
+        n_matches=n_matches,
+        precision=precision,
+        recall=recall,
+    )
+
+
+def match_quality(
+    estimated: Sequence[PersonAssociation], true: Sequence[PersonAssociation], names: Sequence[str]
+) -> tuple[int, float, float]:
+    """Judge who was taken for whom.
+
+    A track may belong to several persons where a tracker exchanged identities; a match is right
+    if its two tracks have a true person in common. Tracks unknown to the truth are left out.
+
+    Parameters
+    ----------
+    estimated, true : sequence of PersonAssociation
+    names : sequence of str
+        Cameras to look at.
+
+    Returns
+    -------
+    n_matches : int
+    precision, recall : float
+        NaN where there is nothing to judge.
+    """
+    right = _pairs(true, names)
+    labelled = {track for pair in right for track in pair} | _tracks(true, names)
+    matches = {p for p in _pairs(estimated, names) if p <= labelled}
+    hits = len(matches & right)
+    precision = hits / len(matches) if matches else float("nan")
+    return len(matches), precision, hits / len(right) if right else float("nan")
+
+
+_TrackKey = tuple[str, int]
+
+
+def _tracks(persons: Sequence[PersonAssociation], names: Sequence[str]) -> set[_TrackKey]:
+    return {(n, track) for p in persons for n in names for track in p.tracks.get(n, ())}
+
+
+def _pairs(persons: Sequence[PersonAssociation], names: Sequence[str]) -> set[frozenset[_TrackKey]]:
+    """Pairs of tracks of different cameras that show one person."""
+    return {
+        frozenset(pair)
+        for person in persons
+        for pair in combinations(sorted(_tracks([person], names)), 2)
+        if pair[0][0] != pair[1][0]
+    }
+
+
+def triangulation_errors(
+    R_ref_cam: Float64Array,
+    t_ref_cam: Float64Array,
+    x: Float64Array,
+    focal: Float64Array,
+    seen: BoolArray,
+) -> Float64Array:
+    """Reprojection errors (..., C), px, of points triangulated from their images.
+
+    Parameters
+    ----------
+    R_ref_cam : (C, 3, 3) ndarray
+    t_ref_cam : (C, 3) ndarray
+    x : (..., C, 2) ndarray
+        Images on the planes z = 1; anything where not seen.
+    focal : (..., C) ndarray
+        Pixels per unit of x.
+    seen : (..., C) ndarray of bool
+
+    Returns
+    -------
+    (..., C) ndarray
+        NaN where not seen, or where no point can be had from the rays.
+    """
+    b = np.concatenate([x, np.ones_like(x[..., :1])], -1)
+    b = b / np.linalg.norm(b, axis=-1, keepdims=True)
+    rays = np.einsum("cij,...cj->...ci", R_ref_cam, b)
+    centres = np.broadcast_to(t_ref_cam, rays.shape)
+    X, _ = triangulate(centres, np.where(seen[..., None], rays, 0.0), seen.astype(float))
+    Y = np.einsum("cij,...ci->...cj", R_ref_cam, X[..., None, :] - t_ref_cam)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.linalg.norm(Y[..., :2] / Y[..., 2:] - x, axis=-1) * focal
+    return np.where(seen & np.isfinite(error), error, np.nan)
+
+
+def geometric_precision(
+    R_ref_cam: Float64Array,
+    t_ref_cam: Float64Array,
+    x: Float64Array,
+    focal: Float64Array,
+    seen: BoolArray,
+    *,
+    limit_px: float = 5.0,
+) -> float:
+    """P_5px, the paper's precision where nobody knows who is who.
+
+    Of the image points that were matched across views, the share that a point triangulated with
+    the true poses reprojects to within `limit_px`. Noise alone takes its part: with sigma px per
+    axis in two views ``2 Phi(limit sqrt(2) / sigma) - 1`` is perfect.
+
+    Parameters
+    ----------
+    R_ref_cam, t_ref_cam : ndarray
+        True poses; further arguments as for `triangulation_errors`.
+    limit_px : float
+    """
+    error = triangulation_errors(R_ref_cam, t_ref_cam, x, focal, seen)
+    judged = seen & (seen.sum(-1) >= 2)[..., None]
+    if not judged.any():
+        return float("nan")
+    return float((np.nan_to_num(error[judged], nan=np.inf) < limit_px).mean())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Expressed:
+    """Poses (C, ...) in one camera's frame, offsets (C,) to its clock."""
+
+    R_ref_cam: Float64Array
+    t_ref_cam: Float64Array
+    offset_s: Float64Array
+
+
+def _expressed(
+    calibration: Calibration, names: Sequence[str], reference: str, at_s: float
+) -> _Expressed:
+    cameras: Mapping[str, int] = {c.name: k for k, c in enumerate(calibration.cameras)}
+    order = [cameras[name] for name in names]
+    R = np.stack([calibration.cameras[k].R_ref_cam for k in order])
+    t = np.stack([calibration.cameras[k].t_ref_cam for k in order])
+    # All clocks are compared at the moment that the recording's own reference calls at_s.
+    offset = np.array(
+        [
+            c.time_offset_s + c.clock_skew * (at_s - calibration.epoch_s)
+            for c in (calibration.cameras[k] for k in order)
+        ]
+    )
+    r = names.index(reference)
+    return _Expressed(R[r].T @ R, (t - t[r]) @ R[r], offset - offset[r])
+
+
+def _scale(ours: _Expressed, right: _Expressed, names: Sequence[str]) -> tuple[float, float]:
+    """Estimated over true distance of the first two cameras, and the true distance."""
+    baseline = float(np.linalg.norm(right.t_ref_cam[1] - right.t_ref_cam[0]))
+    estimated = float(np.linalg.norm(ours.t_ref_cam[1] - ours.t_ref_cam[0]))
+    if min(_share(baseline, right), _share(estimated, ours)) < 1e-9:
+        raise InputError(
+            f"cameras {names[0]!r} and {names[1]!r} are at one place: they give no scale"
+        )
+    return estimated / baseline, baseline
+
+
+def _share(distance: float, poses: _Expressed) -> float:
+    """Size of a distance beside the largest from the reference; 0 if all are at one place."""
+    largest = float(np.linalg.norm(poses.t_ref_cam, axis=-1).max())
+    return distance / largest if largest > 0 else 0.0
+
+
+def _centre_errors(ours: Float64Array, right: Float64Array) -> Float64Array:
+    """Distances (C,) after the similarity of Umeyama (1991), in the unit of the second."""
+    s, R, t = umeyama(ours, right)
+    return np.asarray(np.linalg.norm(s * ours @ R.T + t - right, axis=-1))

@@ -1,0 +1,49 @@
+"""What is true of a simulated scene, as `stcalib_ros.core.evaluation.cramer_rao` asks for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stcalib_ros.core.evaluation.cramer_rao import TrueViews
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.model.recording import CameraRecording
+from stcalib_ros.core.synthetic.scene import Scene
+
+
+class ScenePath:
+    """True joints of a scene in the frame of its first camera, and their derivatives."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+
+    def __call__(self, times: Float64Array, order: int) -> Float64Array:
+        """Joints (T, P, J, 3) at times of the reference clock, or their n-th derivative."""
+        rig = self.scene.rig
+        world = np.stack([p.spline(times, order) for p in self.scene.people], 1)
+        turned = world.reshape(*world.shape[:2], -1, 3) @ rig.R_cam_world[0].T
+        return np.asarray(turned + rig.t_cam_world[0] if order == 0 else turned)
+
+
+def true_views(scene: Scene) -> TrueViews:
+    """True cameras of a scene, and who is seen when; exchanged left and right count as seen."""
+    cameras = scene.truth.cameras
+    R_cam_ref = np.stack([c.R_ref_cam.T for c in cameras])
+    centres = np.stack([c.t_ref_cam for c in cameras])
+    return TrueViews(
+        R_cam_ref,
+        0.0 - np.einsum("cij,cj->ci", R_cam_ref, centres),
+        np.array([np.sqrt(c.intrinsics.K[0, 0] * c.intrinsics.K[1, 1]) for c in cameras]),
+        scene.exposures_s,
+        tuple(_seen(scene, camera) for camera in scene.recording.cameras),
+        scene.options.sigma_px,
+    )
+
+
+def _seen(scene: Scene, camera: CameraRecording) -> BoolArray:
+    """Which joints of whom a camera sees in its images, (T, P, J)."""
+    J = camera.layout.n_joints
+    seen = np.zeros((len(camera.stamps), len(scene.people), J), dtype=bool)
+    for track in camera.tracks:
+        persons = scene.track_persons[camera.name][track.track_id]
+        seen[track.frames, persons] = np.isfinite(track.keypoints[..., 0])
+    return seen

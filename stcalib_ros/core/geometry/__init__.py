@@ -1,0 +1,1 @@
+"""Rotations, rigid motions, lenses, triangulation: no cameras of ours."""

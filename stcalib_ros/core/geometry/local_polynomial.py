@@ -1,0 +1,93 @@
+"""Velocities and accelerations of joint trajectories with gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import correlate1d, minimum_filter1d
+
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+
+_ORDER = 7
+_GAPPY_ORDER = 3
+_RIDGE = (1e-9, 1e-6, 1e-4, 1e-4)
+"""Keeps the higher terms at zero where the window has too few samples to see them."""
+
+
+def local_motion(
+    X: Float64Array, present: BoolArray, *, half_window: int = 6
+) -> tuple[Float64Array, Float64Array]:
+    """Savitzky-Golay fit of trajectories, of the seventh order; near gaps and ends a cubic.
+
+    Over thirteen samples at 30 Hz it leaves 0.2 % of a motion of 3 Hz out; a cubic over seven,
+    which has as much noise, leaves out 3 %, and offsets are told to a thousandth of the motion.
+    Where one of the samples is missing, a cubic is fitted to what there is of the inner half.
+
+    Parameters
+    ----------
+    X : (K, ..., 3) ndarray
+        Positions at uniform times along the first axis; anything where not present.
+    present : (K, ...) ndarray of bool
+    half_window : int
+        Samples to either side that are fitted; at least 4.
+
+    Returns
+    -------
+    velocity : (K, ..., 3) ndarray
+        Per sample; zero where nothing near is present.
+    acceleration : (K, ..., 3) ndarray
+        Per squared sample; zero where nothing near is present.
+    """
+    return _fitted(X, present, half_window, order=_ORDER, gappy_half_window=half_window // 2)
+
+
+def smooth_motion(
+    X: Float64Array, present: BoolArray, *, half_window: int
+) -> tuple[Float64Array, Float64Array]:
+    """Like `local_motion` by a cubic everywhere: less noise, and less of fast motion."""
+    return _fitted(X, present, half_window, order=_GAPPY_ORDER, gappy_half_window=half_window)
+
+
+def _fitted(
+    X: Float64Array, present: BoolArray, half_window: int, *, order: int, gappy_half_window: int
+) -> tuple[Float64Array, Float64Array]:
+    window = np.arange(-half_window, half_window + 1)
+    kernels = np.linalg.pinv(window[:, None].astype(float) ** np.arange(order + 1))[1:3]
+    filled = np.where(present[..., None], X, 0.0)
+    velocity, acceleration = (
+        correlate1d(filled, kernel, axis=0, mode="constant")
+        for kernel in (kernels[0], 2.0 * kernels[1])
+    )
+    there = present.astype(np.uint8)
+    gappy = minimum_filter1d(there, len(window), axis=0, mode="constant") == 0
+    if gappy.any():
+        velocity[gappy], acceleration[gappy] = _cubics(filled, present, gappy, gappy_half_window)
+    return velocity, acceleration
+
+
+def _cubics(
+    X: Float64Array, present: BoolArray, where: BoolArray, half_window: int
+) -> tuple[Float64Array, Float64Array]:
+    """Slopes and curvatures (M, 3) of cubics around some of the samples; zero where none is near.
+
+    X is zero where not present.
+    """
+    window = np.arange(-half_window, half_window + 1)
+    k, *rest = np.nonzero(where)
+    near = k[:, None] + window
+    index = (np.clip(near, 0, len(X) - 1), *(r[:, None] for r in rest))
+    known = present[index] & (near >= 0) & (near < len(X))
+    velocity, acceleration = _ridge_fit(X[index] * known[..., None], known, window)
+    alone = ~known.any(1)
+    velocity[alone] = acceleration[alone] = 0.0
+    return velocity, acceleration
+
+
+def _ridge_fit(
+    values: Float64Array, known: BoolArray, window: IntArray
+) -> tuple[Float64Array, Float64Array]:
+    """Slope and curvature (M, 3) in the middle of windows (M, W, 3) with missing samples."""
+    powers = window[:, None].astype(float) ** np.arange(_GAPPY_ORDER + 1)
+    A = np.einsum("mw,wa,wb->mab", known.astype(float), powers, powers, optimize=True)
+    b = np.einsum("mwx,wa->max", values, powers, optimize=True)
+    coefficients = np.linalg.solve(A + np.diag(_RIDGE), b)
+    return coefficients[:, 1], 2.0 * coefficients[:, 2]

@@ -1,0 +1,1 @@
+"""Multi-view integration: all cameras, and who is who."""

@@ -1,0 +1,307 @@
+"""Who is who across views, once poses and clocks are known roughly.
+
+Tracks are cut into slots of time, since a camera's tracker may exchange two people. In each
+slot the pieces of all cameras are agglomerated by their epipolar distance and by where the
+monocular poses stand, never two of one camera at one time; then the groups of successive
+slots are chained by the tracks that they share, so that an exchange in one camera is
+outvoted by the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from stcalib_ros.core.geometry.epipolar import sampson
+from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
+from stcalib_ros.core.geometry.so3 import hat
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.rig import Rig
+
+SLOT_SAMPLES = 50
+_SAMPLES_PER_SLOT = 8
+_MAX_DISTANCE = 1.2
+_MIN_SHARED = 12
+_TOLERANCE_FACTOR = 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Association:
+    """Persons of all tracks, slot by slot.
+
+    Attributes
+    ----------
+    person_of : tuple of (P, S) ndarray of int
+        For each camera of the rig: person of track p in slot s, -1 where none.
+    start_s, slot_s : float
+        Begin of slot 0 by the reference clock and length of a slot, seconds.
+    n_persons : int
+    typical_px : float
+        Median epipolar distance of mutually nearest pieces; a third of the floor where it is
+        less.
+    margins : mapping of int to float
+        Per person, epipolar distance of the next best assignment over that of this one; inf
+        where nobody else was there to be mistaken for him.
+    """
+
+    person_of: tuple[IntArray, ...]
+    start_s: float
+    slot_s: float
+    n_persons: int
+    typical_px: float
+    margins: Mapping[int, float]
+
+    def slot(self, times: Float64Array) -> IntArray:
+        """Slots of times of the reference clock."""
+        n = self.person_of[0].shape[1]
+        index = np.floor((times - self.start_s) / self.slot_s).astype(np.int64)
+        return np.clip(index, 0, n - 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Samples:
+    """Tracks of one camera at the sampling times: key points, focal, bodies in the world."""
+
+    x: Float64Array  # (P, S, K, J, 3)
+    focal: Float64Array  # (P, S, K, J)
+    body: Float64Array  # (P, S, K, 3)
+    present: BoolArray  # (P, S, K)
+
+
+def associate(
+    cameras: Sequence[LiftedCamera], rig: Rig, *, step_s: float, floor_px: float, every: int = 1
+) -> Association:
+    """Group the tracks of all cameras of a rig into persons.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+        All cameras; those of the rig are used.
+    rig : Rig
+    step_s : float
+        Grid step, seconds; a slot has 50 of them.
+    floor_px : float
+        Pieces up to this median epipolar distance belong together at least; the tolerance is
+        wider where even the best pairs do not come that close.
+    every : int
+        Look at every n-th slot only; in the others, nobody is associated.
+    """
+    members = [cameras[c] for c in rig.cameras]
+    slot_s = SLOT_SAMPLES * step_s
+    start, end = _span(members, rig)
+    n_slots = max(1, int(np.ceil((end - start) / slot_s)))
+    fractions = (np.arange(_SAMPLES_PER_SLOT) + 0.5) / _SAMPLES_PER_SLOT
+    slots = np.arange(0, n_slots, every)
+    times = start + slot_s * (slots[:, None] + fractions)
+    samples = [_sample(camera, rig, i, times) for i, camera in enumerate(members)]
+    distance = _distances(samples, rig)
+    tolerance = _tolerance(distance, floor_px)
+    chain = Chain([len(s.x) for s in samples], len(slots))
+    for s in range(len(slots)):
+        chain.add(s, _agglomerate(samples, distance, s, tolerance))
+    typical = tolerance / _TOLERANCE_FACTOR
+    margins = _margins(chain.person_of, distance, chain.n_persons)
+    person_of = tuple(_in_slots(known, slots, n_slots) for known in chain.person_of)
+    return Association(person_of, start, slot_s, chain.n_persons, typical, margins)
+
+
+def _in_slots(known: IntArray, slots: IntArray, n_slots: int) -> IntArray:
+    """Persons in all slots (P, n_slots), from those in some of them."""
+    person_of: IntArray = np.full((len(known), n_slots), -1, dtype=np.int64)
+    person_of[:, slots] = known
+    return person_of
+
+
+def _span(members: Sequence[LiftedCamera], rig: Rig) -> tuple[float, float]:
+    starts = [c.stamps[0] + o for c, o in zip(members, rig.offset_s, strict=True)]
+    ends = [c.stamps[-1] + o for c, o in zip(members, rig.offset_s, strict=True)]
+    return float(min(starts)), float(max(ends)) + 1e-6
+
+
+def _sample(camera: LiftedCamera, rig: Rig, i: int, times: Float64Array) -> _Samples:
+    P, (S, K) = len(camera.tracks), times.shape
+    J = camera.tracks[0].x.shape[1] if P else 0
+    x = np.full((P, S, K, J, 3), np.nan)
+    focal = np.full((P, S, K, J), np.nan)
+    body = np.full((P, S, K, 3), np.nan)
+    local = times.ravel() - rig.offset_s[i]
+    period = frame_period(camera.stamps)
+    for p, track in enumerate(camera.tracks):
+        at = Interpolation(camera.stamps[track.frames], local, period=period)
+        x[p, ..., :2] = at(track.x).reshape(S, K, J, 2)
+        focal[p] = at(track.focal).reshape(S, K, J)
+        centre = at(track.joints_cam).mean(1)
+        body[p] = (centre @ rig.R_ref_cam[i].T + rig.t_ref_cam[i]).reshape(S, K, 3)
+    x[..., 2] = np.where(np.isfinite(x[..., 0]), 1.0, np.nan)
+    return _Samples(x, focal, body, np.isfinite(x[..., 0]).any(-1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Distance:
+    """Epipolar distance (px) and distance of the bodies (m) of all pieces of two cameras."""
+
+    epipolar: Float64Array  # (P, Q, S)
+    body: Float64Array  # (P, Q, S)
+
+
+def _distances(samples: Sequence[_Samples], rig: Rig) -> dict[tuple[int, int], _Distance]:
+    C = len(samples)
+    return {
+        (a, b): _distance(samples[a], samples[b], *_relative(rig, a, b))
+        for a in range(C)
+        for b in range(a + 1, C)
+    }
+
+
+def _relative(rig: Rig, a: int, b: int) -> tuple[Float64Array, Float64Array]:
+    R_a = rig.R_ref_cam[a]
+    return R_a.T @ rig.R_ref_cam[b], R_a.T @ (rig.t_ref_cam[b] - rig.t_ref_cam[a])
+
+
+def _distance(a: _Samples, b: _Samples, R_a_b: Float64Array, t_a_b: Float64Array) -> _Distance:
+    E = hat(t_a_b / max(float(np.linalg.norm(t_a_b)), 1e-9)) @ R_a_b
+    P, Q, S = len(a.x), len(b.x), a.x.shape[1]
+    epipolar, body = np.full((P, Q, S), np.inf), np.full((P, Q, S), np.inf)
+    for s in range(S):
+        here = np.flatnonzero(a.present[:, s].any(-1))[:, None]
+        there = np.flatnonzero(b.present[:, s].any(-1))[None]
+        if not here.size or not there.size:
+            continue
+        x_a, x_b = (
+            one.x[who, s].reshape(*who.shape, -1, 3) for one, who in ((a, here), (b, there))
+        )
+        focal = np.sqrt(
+            a.focal[here, s].reshape(*here.shape, -1) * b.focal[there, s].reshape(*there.shape, -1)
+        )
+        epipolar[here, there, s] = _median(np.abs(sampson(E, x_a, x_b)) * focal, _MIN_SHARED)
+        apart = np.linalg.norm(a.body[here, s] - b.body[there, s], axis=-1)
+        body[here, there, s] = _median(apart, 1)
+    return _Distance(epipolar, body)
+
+
+def _median(values: Float64Array, least: int) -> Float64Array:
+    """Median over the last axis of the finite values; inf where fewer than `least` are."""
+    count = np.isfinite(values).sum(-1)
+    ordered = np.sort(values, axis=-1)
+    index = np.maximum(count - 1, 0) // 2
+    middle = np.take_along_axis(ordered, index[..., None], -1)[..., 0]
+    return np.asarray(np.where(count >= least, middle, np.inf))
+
+
+def _tolerance(distance: dict[tuple[int, int], _Distance], floor_px: float) -> float:
+    """Three times the usual distance of mutually nearest pieces, but at least the floor."""
+    nearest = []
+    for d in distance.values():
+        if not d.epipolar.size:
+            continue
+        gated = np.where(d.body < _MAX_DISTANCE, d.epipolar, np.inf)
+        mutual = (gated <= gated.min(0, keepdims=True)) & (gated <= gated.min(1, keepdims=True))
+        nearest.append(gated[mutual & np.isfinite(gated)])
+    values = np.concatenate(nearest) if nearest else np.zeros(0)
+    typical = float(np.median(values)) if len(values) else 0.0
+    return max(floor_px, _TOLERANCE_FACTOR * typical)
+
+
+def _margins(
+    person_of: Sequence[IntArray], distance: dict[tuple[int, int], _Distance], n_persons: int
+) -> dict[int, float]:
+    """Median distance to the nearest other person over the median distance within persons."""
+    own: list[list[Float64Array]] = [[] for _ in range(n_persons)]
+    other: list[list[Float64Array]] = [[] for _ in range(n_persons)]
+    for (a, b), d in distance.items():
+        here, there = person_of[a][:, None], person_of[b][None]
+        known = (here >= 0) & (there >= 0)
+        same = known & (here == there)
+        rival = np.where(known & ~same, d.epipolar, np.inf).min(1, initial=np.inf)
+        for person in np.unique(person_of[a]):
+            if person >= 0 and (mine := same & (here == person)).any():
+                own[person].append(d.epipolar[mine])
+                other[person].append(rival[mine.any(1)])
+    return {
+        person: float(np.median(np.concatenate(other[person])))
+        / max(float(np.median(np.concatenate(own[person]))), 1e-6)
+        for person in range(n_persons)
+        if own[person]
+    }
+
+
+def _agglomerate(
+    samples: Sequence[_Samples],
+    distance: dict[tuple[int, int], _Distance],
+    s: int,
+    tolerance: float,
+) -> list[list[tuple[int, int]]]:
+    """Average-link clusters of the pieces (camera, track) of one slot."""
+    pieces = [
+        (c, p) for c, one in enumerate(samples) for p in np.flatnonzero(one.present[:, s].any(-1))
+    ]
+    n = len(pieces)
+    cost, known = np.zeros((n, n)), np.zeros((n, n))
+    apart = np.eye(n, dtype=bool)
+    for i, (a, p) in enumerate(pieces):
+        for j in range(i + 1, n):
+            b, q = pieces[j]
+            if a == b:
+                together = samples[a].present[p, s] & samples[a].present[q, s]
+                apart[i, j] = apart[j, i] = together.any()
+                continue
+            d = distance[a, b]
+            value = d.epipolar[p, q, s] / tolerance + 0.5 * (d.body[p, q, s] / _MAX_DISTANCE) ** 2
+            if np.isfinite(value):
+                cost[i, j] = cost[j, i] = min(float(value), 10.0)
+                known[i, j] = known[j, i] = 1.0
+    groups = _average_link(cost, known, apart)
+    return [[(pieces[i][0], int(pieces[i][1])) for i in group] for group in groups]
+
+
+def _average_link(cost: Float64Array, known: Float64Array, apart: BoolArray) -> list[list[int]]:
+    """Merge the closest groups while their mean cost is below one and nothing forbids it."""
+    cost, known, apart = cost.copy(), known.copy(), apart.copy()
+    groups = [[i] for i in range(len(cost))]
+    while len(groups) > 1:
+        mean = np.where((known > 0) & ~apart, cost / np.maximum(known, 1.0), np.inf)
+        i, j = sorted(np.unravel_index(int(mean.argmin()), mean.shape))
+        if mean[i, j] >= 1.0:
+            break
+        groups[i] += groups.pop(j)
+        for matrix in (cost, known):
+            matrix[i] += matrix[j]
+            matrix[:, i] += matrix[:, j]
+        apart[i] |= apart[j]
+        apart[:, i] |= apart[:, j]
+        apart[i, i] = True
+        keep = np.arange(len(cost)) != j
+        cost, known = cost[np.ix_(keep, keep)], known[np.ix_(keep, keep)]
+        apart = apart[np.ix_(keep, keep)]
+    return groups
+
+
+class Chain:
+    """Persons through time: groups of successive slots that share tracks are one person."""
+
+    def __init__(self, n_tracks: Sequence[int], n_slots: int) -> None:
+        self.person_of = [np.full((n, n_slots), -1, dtype=np.int64) for n in n_tracks]
+        self.last: list[IntArray] = [np.full(n, -1, dtype=np.int64) for n in n_tracks]
+        self.n_persons = 0
+
+    def add(self, s: int, groups: list[list[tuple[int, int]]]) -> None:
+        """Give every group of slot `s` the person that most of its tracks had last."""
+        votes = np.zeros((len(groups), self.n_persons))
+        for g, group in enumerate(groups):
+            for c, p in group:
+                if (person := self.last[c][p]) >= 0:
+                    votes[g, person] += 1.0
+        rows, columns = linear_sum_assignment(votes, maximize=True)
+        person_of_group = {
+            int(g): int(best) for g, best in zip(rows, columns, strict=True) if votes[g, best] > 0
+        }
+        for g, group in enumerate(groups):
+            if g not in person_of_group:
+                person_of_group[g] = self.n_persons
+                self.n_persons += 1
+            for c, p in group:
+                self.person_of[c][p, s] = self.last[c][p] = person_of_group[g]

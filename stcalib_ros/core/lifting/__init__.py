@@ -1,0 +1,1 @@
+"""From monocular poses to the metric frame of each camera."""

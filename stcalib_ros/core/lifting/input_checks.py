@@ -1,0 +1,232 @@
+"""What must hold before anything is computed: cameras, clocks, images, motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.interpolation import frame_period
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
+from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Insufficient
+from stcalib_ros.core.options import Options
+
+_SMOOTHING_S = 0.25
+_MOVING_BODIES = 0.03
+"""Slow movement of the key points that counts as moving, as a share of the body's height."""
+_PERIOD_SLACK = 1.02
+"""Periods are medians of stamps that may be rounded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Cameras worth looking at (indices, the reference first) and the others with reasons."""
+
+    cameras: tuple[int, ...]
+    rejected: tuple[UncalibratedCamera, ...]
+
+
+def require_reference(recording: Recording, options: Options) -> int:
+    """Index of the reference camera.
+
+    Raises
+    ------
+    InputError
+        There is no camera, two have one name, or the reference is not among the cameras.
+    """
+    names = [camera.name for camera in recording.cameras]
+    if not names:
+        raise InputError("no camera in the recording: at least two with person poses are needed")
+    if twice := sorted({n for n in names if names.count(n) > 1}):
+        raise InputError(f"two cameras are called {twice[0]!r}: give every camera its own name")
+    if options.reference is None:
+        return 0
+    if options.reference not in names:
+        raise InputError(
+            f"reference camera {options.reference!r} is not in the recording: "
+            f"there are {', '.join(names) or 'none'}"
+        )
+    return names.index(options.reference)
+
+
+def require_known_cameras(recording: Recording, options: Options) -> None:
+    """Check that known distances are about cameras that are there.
+
+    Raises
+    ------
+    InputError
+        One is not in the recording.
+    """
+    names = [camera.name for camera in recording.cameras]
+    for distance in options.scale.distances:
+        if unknown := [name for name in distance.names if name not in names]:
+            raise InputError(
+                f"scale.distances: camera {unknown[0]!r} is not in the recording: "
+                f"there are {', '.join(names)}"
+            )
+
+
+def require_line_times(recording: Recording) -> None:
+    """Check that the images of all cameras are read before the next ones begin.
+
+    Raises
+    ------
+    InputError
+        A line time is negative, not finite, or too long.
+    """
+    for camera in recording.cameras:
+        line_s = camera.line_time_s
+        if not (np.isfinite(line_s) and line_s >= 0.0):
+            raise InputError(
+                f"camera {camera.name}: line_time_s must be at least 0 (seconds per image row), "
+                f"got {line_s}"
+            )
+        height, period = camera.intrinsics.height, frame_period(camera.stamps)
+        if line_s * height > _PERIOD_SLACK * period:
+            raise InputError(
+                f"camera {camera.name}: line_time_s {line_s:g} makes {1e3 * line_s * height:.3g} "
+                f"ms for {height} rows, but its images are {1e3 * period:.3g} ms apart: give the "
+                "seconds from one row to the next"
+            )
+
+
+def select_cameras(cameras: Sequence[LiftedCamera], first: int, options: Options) -> Selection:
+    """Cameras that see people and whose clocks can overlap.
+
+    Raises
+    ------
+    Insufficient
+        Fewer than two are left.
+    """
+    order = [first, *(i for i in range(len(cameras)) if i != first)]
+    if len(cameras) < 2:
+        only = cameras[0].name if cameras else "none"
+        raise Insufficient(
+            Status.INSUFFICIENT_DATA,
+            f"{len(cameras)} camera with poses ({only}): at least two that see the same people "
+            "are needed",
+        )
+    seeing = [i for i in order if cameras[i].tracks]
+    rejected = [
+        UncalibratedCamera(cameras[i].name, "no person with enough key points and 3D joints")
+        for i in order
+        if i not in seeing
+    ]
+    groups = _overlapping(cameras, seeing, options)
+    kept = max(groups, key=len, default=[])
+    for group in groups:
+        if group is not kept:
+            rejected += [_clock_rejection(cameras, i, kept, options) for i in group]
+    if len(kept) < 2:
+        raise Insufficient(Status.INSUFFICIENT_DATA, _no_overlap(rejected), rejected)
+    _require_motion([cameras[i] for i in kept])
+    return Selection(tuple(kept), tuple(rejected))
+
+
+def _no_overlap(rejected: Sequence[UncalibratedCamera]) -> str:
+    reasons = "; ".join(f"{camera.name}: {camera.reason}" for camera in rejected)
+    return f"fewer than two cameras can be compared: {reasons}"
+
+
+def _overlapping(
+    cameras: Sequence[LiftedCamera], members: Sequence[int], options: Options
+) -> list[list[int]]:
+    """Groups of cameras that may show enough common moments, in the given order."""
+    groups: list[list[int]] = []
+    for i in members:
+        near = [
+            g
+            for g in groups
+            if any(
+                _common_frames(cameras[i], cameras[j], options) >= options.min_common_frames
+                for j in g
+            )
+        ]
+        merged = [j for g in near for j in g] + [i]
+        groups = [g for g in groups if g not in near] + [merged]
+    return groups
+
+
+def _common_frames(a: LiftedCamera, b: LiftedCamera, options: Options) -> float:
+    """Images that the two can share at best, within the range of offsets."""
+    slack = 2.0 * options.offset_range_s
+    overlap = min(a.stamps[-1], b.stamps[-1] + slack) - max(a.stamps[0], b.stamps[0] - slack)
+    longest = min(a.stamps[-1] - a.stamps[0], b.stamps[-1] - b.stamps[0])
+    period = max(frame_period(a.stamps), frame_period(b.stamps))
+    return min(overlap, longest) / period + 1.0 if np.isfinite(period) else 1.0
+
+
+def _clock_rejection(
+    cameras: Sequence[LiftedCamera], i: int, kept: Sequence[int], options: Options
+) -> UncalibratedCamera:
+    camera = cameras[i]
+    begin, end = float(camera.stamps[0]), float(camera.stamps[-1])
+    others = (
+        min(float(cameras[j].stamps[0]) for j in kept),
+        max(float(cameras[j].stamps[-1]) for j in kept),
+    )
+    gap = max(begin - others[1], others[0] - end)
+    if gap > 2.0 * options.offset_range_s:
+        reason = (
+            f"its clock does not overlap with the others: {begin:.1f}..{end:.1f} s against "
+            f"{others[0]:.1f}..{others[1]:.1f} s, {gap:.1f} s apart with an offset range of "
+            f"+-{options.offset_range_s:g} s; widen offset_range_s or set its clock"
+        )
+    else:
+        reason = (
+            f"only {_images(len(camera.stamps))} and fewer than {options.min_common_frames} in "
+            "common with the others; record longer"
+        )
+    return UncalibratedCamera(camera.name, reason)
+
+
+def _images(n: int) -> str:
+    return "1 image" if n == 1 else f"{n} images"
+
+
+def _require_motion(cameras: Sequence[LiftedCamera]) -> None:
+    movement = [movement_of(track, camera.stamps) for camera in cameras for track in camera.tracks]
+    most = max(movement, default=0.0)
+    if most < _MOVING_BODIES:
+        raise Insufficient(
+            Status.DEGENERATE,
+            f"nobody moves: key points wander by {100 * most:.1f} % of a body's height at most, "
+            f"{100 * _MOVING_BODIES:.0f} % are needed; have people walk through the scene",
+        )
+
+
+def movement_of(track: LiftedTrack, stamps: Float64Array) -> float:
+    """Slow movement of the limbs that move most, as a share of the body's height in the image.
+
+    The range of the key points in time (10 % to 90 %, so that short exchanges of left and
+    right do not count), after noise from image to image has been averaged away; of the
+    joints, the 90th percentile, since people may move their arms only.
+    """
+    period = frame_period(stamps)
+    width = max(1, round(_SMOOTHING_S / period)) if np.isfinite(period) else 1
+    F = len(track.frames)
+    width = min(width, max(1, F // 2))
+    if F < 2:
+        return 0.0
+    known = np.isfinite(track.x[..., 0])
+    n = _moving_sum(known.astype(float), width)
+    smooth = _moving_sum(np.where(known[..., None], track.x, 0.0), width)
+    smooth /= np.maximum(n, 1.0)[..., None]
+    use = n > width / 2
+    mean = (smooth * use[..., None]).sum(0) / np.maximum(use.sum(0), 1)[:, None]
+    low, high = np.quantile(np.where(use[..., None], smooth, mean), [0.1, 0.9], axis=0)
+    y = np.where(known, track.x[..., 1], 0.0)
+    height = np.median(y.max(1, where=known, initial=-1e9) - y.min(1, where=known, initial=1e9))
+    span = np.linalg.norm(high - low, axis=-1)
+    return float(np.percentile(span, 90) / max(float(height), 1e-6))
+
+
+def _moving_sum(values: Float64Array, width: int) -> Float64Array:
+    """Sums over `width` successive entries of the first axis."""
+    total = np.cumsum(np.concatenate([np.zeros_like(values[:1]), values]), axis=0)
+    return np.asarray(total[width:] - total[:-width])

@@ -1,0 +1,17 @@
+"""NumPy array types, by the precision that they hold."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64Array = NDArray[np.float64]
+
+
+Float32Array = NDArray[np.float32]
+
+
+IntArray = NDArray[np.int64]
+
+
+BoolArray = NDArray[np.bool_]

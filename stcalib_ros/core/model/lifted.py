@@ -1,0 +1,66 @@
+"""Poses of persons in the optical frames of their cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiftedTrack:
+    """One track in the metric frame of its camera, as precise as the recording is.
+
+    Attributes
+    ----------
+    track_id : int
+    frames : (F,) ndarray of int
+        Indices into the stamps of the camera.
+    x : (F, J, 2) ndarray
+        Undistorted key points on the plane z = 1; NaN where not used.
+    focal : (F, J) ndarray
+        Pixels per unit of `x`.
+    joints_cam : (F, J, 3) ndarray
+        Joints in the optical frame, metres; NaN where the frame could not be lifted.
+    rows : (F, J) ndarray or None
+        Of the key points in the image, px, counted from the middle row of the shutter; None where
+        all shutters take all rows at once.
+    """
+
+    track_id: int
+    frames: IntArray
+    x: Float64Array
+    focal: Float64Array
+    joints_cam: Float64Array
+    rows: Float64Array | None = None
+
+    def __getitem__(self, some: slice | BoolArray) -> LiftedTrack:
+        """The same person in some of the frames."""
+        return LiftedTrack(
+            self.track_id,
+            self.frames[some],
+            self.x[some],
+            self.focal[some],
+            self.joints_cam[some],
+            None if self.rows is None else self.rows[some],
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiftedCamera:
+    """All lifted tracks of one camera.
+
+    Attributes
+    ----------
+    name : str
+    stamps : (N,) ndarray
+        Seconds by its own clock; of the middle row of its shutter.
+    tracks : tuple of LiftedTrack
+    shutter : Shutter
+    """
+
+    name: str
+    stamps: Float64Array
+    tracks: tuple[LiftedTrack, ...]
+    shutter: Shutter = GLOBAL

@@ -1,0 +1,174 @@
+"""The records that everything else works on: what was seen, and what came out.
+
+Frames are in the names: ``R_ref_cam`` turns coordinates of the camera's optical frame
+(x right, y down, z forward) into those of the reference frame. Times are float64 seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.keypoint_layouts import Layout
+
+
+class LensModel(Enum):
+    """Lens models of ``sensor_msgs/CameraInfo.distortion_model``."""
+
+    PLUMB_BOB = "plumb_bob"
+    RATIONAL_POLYNOMIAL = "rational_polynomial"
+    EQUIDISTANT = "equidistant"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Intrinsics:
+    """Lens of one camera, for the pixels that its key points are given in.
+
+    Attributes
+    ----------
+    width, height : int
+        Size of the image in px (after binning and region of interest).
+    model : LensModel
+        How `D` is to be read.
+    K : (3, 3) ndarray
+        Pinhole matrix, px.
+    D : (n,) ndarray
+        Distortion coefficients in OpenCV's order; empty or zero: none.
+    R_rect_cam : (3, 3) ndarray
+        Optical frame to the frame in which `K` holds; not the identity only for rectified
+        key points of a stereo pair.
+    """
+
+    width: int
+    height: int
+    model: LensModel
+    K: Float64Array
+    D: Float64Array
+    R_rect_cam: Float64Array = field(default_factory=lambda: np.eye(3))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """One person as one camera's own tracker saw him: gaps, fragments and id switches included.
+
+    Poses are float64, or the float32 of messages, which takes half of the memory.
+
+    Attributes
+    ----------
+    track_id : int
+        Of this camera's tracker; not shared between cameras.
+    frames : (F,) ndarray of int
+        Strictly increasing indices into the stamps of the camera.
+    keypoints : (F, J, 2) ndarray
+        Image positions, px; NaN where not seen.
+    joints : (F, J, 3) ndarray
+        Monocular 3D pose in the axes of the optical frame, metres or up to scale; NaN where
+        unknown.
+    scores : (F, J) ndarray
+        Confidence of each joint, 0..1.
+    """
+
+    track_id: int
+    frames: IntArray
+    keypoints: Float64Array
+    joints: Float64Array
+    scores: Float64Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraRecording:
+    """All that one camera saw.
+
+    Attributes
+    ----------
+    name : str
+        The camera's name; unique in a `Recording`.
+    frame_id : str
+        Its optical frame.
+    intrinsics : Intrinsics
+    layout : Layout
+        Joints of all its tracks.
+    stamps : (N,) ndarray
+        Acquisition times by the camera's own clock, seconds since `Recording.epoch_ns`,
+        strictly increasing; images without a person are among them.
+    tracks : tuple of Track
+    metric : bool
+        The 3D poses are in metres.
+    line_time_s : float
+        Of a rolling shutter: row v of an image is taken at ``stamp + line_time_s * v``; 0: all
+        rows at once.
+    """
+
+    name: str
+    frame_id: str
+    intrinsics: Intrinsics
+    layout: Layout
+    stamps: Float64Array
+    tracks: tuple[Track, ...]
+    metric: bool = False
+    line_time_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """The immutable input of a calibration.
+
+    Attributes
+    ----------
+    cameras : tuple of CameraRecording
+        In the order of the configuration; the first is the reference unless another is named.
+    epoch_ns : int
+        Zero of all stamps, nanoseconds since the Unix epoch.
+    """
+
+    cameras: tuple[CameraRecording, ...]
+    epoch_ns: int = 0
+
+
+def excerpt(
+    recording: Recording,
+    start_s: float,
+    end_s: float,
+    *,
+    offsets_s: Mapping[str, float] | None = None,
+) -> Recording:
+    """Images with ``start_s <= stamp < end_s``; cameras without any stay, empty.
+
+    Parameters
+    ----------
+    recording : Recording
+    start_s, end_s : float
+        Seconds since the epoch of the recording.
+    offsets_s : mapping of str to float, optional
+        By camera, what to add to its stamps before they are compared.
+    """
+    offsets = offsets_s or {}
+    return replace(
+        recording,
+        cameras=tuple(
+            _part(c, start_s - offsets.get(c.name, 0.0), end_s - offsets.get(c.name, 0.0))
+            for c in recording.cameras
+        ),
+    )
+
+
+def _part(camera: CameraRecording, start_s: float, end_s: float) -> CameraRecording:
+    first, last = np.searchsorted(camera.stamps, [start_s, end_s])
+    tracks = []
+    for track in camera.tracks:
+        a, b = np.searchsorted(track.frames, [first, last])
+        if b > a:
+            tracks.append(
+                replace(
+                    track,
+                    frames=track.frames[a:b] - first,
+                    keypoints=track.keypoints[a:b],
+                    joints=track.joints[a:b],
+                    scores=track.scores[a:b],
+                )
+            )
+    return replace(camera, stamps=camera.stamps[first:last], tracks=tuple(tracks))

@@ -1,0 +1,1 @@
+"""Whether a calibration in force still holds."""

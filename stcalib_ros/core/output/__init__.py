@@ -1,0 +1,1 @@
+"""From an adjustment to a `Calibration`: unit, gravity, frames."""

@@ -1,0 +1,180 @@
+"""From the last round of adjustment to the published `Calibration`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stcalib_ros.core.bundle.covariance import PARAMETERS
+from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.residuals import errors_px
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import (
+    Calibration,
+    CameraCalibration,
+    Status,
+    UncalibratedCamera,
+)
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.skeleton import Skeleton
+from stcalib_ros.core.output.world_frame import WorldAlignment
+from stcalib_ros.core.reconstruction.people import found_persons
+from stcalib_ros.core.validation.cross_view import pair_residuals
+
+
+def make_calibration(
+    recording: Recording,
+    cameras: Sequence[LiftedCamera],
+    skeleton: Skeleton,
+    last: Iteration,
+    covariance: Float64Array,
+    placement: WorldAlignment,
+    *,
+    status: Status,
+    message: str,
+    uncalibrated: Sequence[UncalibratedCamera],
+    world_frame: str = "",
+) -> Calibration:
+    """Put the result together, in its unit and frame.
+
+    Parameters
+    ----------
+    recording : Recording
+    cameras : sequence of LiftedCamera
+        All cameras of the recording.
+    skeleton : Skeleton
+    last : Iteration
+    covariance : (7 C, 7 C) ndarray
+        In the frame of the reference camera and the unit of the round.
+    placement : WorldAlignment
+        Where the result lies.
+    status : Status
+    message : str
+    uncalibrated : sequence of UncalibratedCamera
+    world_frame : str
+        Name of the frame of an upright placement.
+    """
+    rig, o = last.rig, last.observations
+    order = np.argsort(rig.cameras, kind="stable")
+    covariance = placement.covariance_of(rig, covariance)
+    rows = np.add.outer(7 * order, range(7)).ravel()
+    covariance = covariance[np.ix_(rows, rows)]
+    clocks = [_clock(last, int(c)) for c in order]
+    offsets = range(6, len(covariance), 7)
+    covariance[offsets, offsets] += [clock.added_variance for clock in clocks]
+    errors = errors_px(o, last.state)
+    inliers = errors[last.state.used & np.isfinite(errors)]
+    names = [recording.cameras[c].name for c in rig.cameras[order]]
+    epoch = recording.epoch_ns * 1e-9
+    window = _window(cameras, last)
+    return Calibration(
+        status=status,
+        message=message,
+        reference=recording.cameras[rig.cameras[0]].name,
+        metric=placement.metric,
+        epoch_s=epoch,
+        window_s=(epoch + window[0], epoch + window[1]),
+        cameras=tuple(
+            _camera(recording, last, int(c), placement, covariance[block, block], clock)
+            for c, block, clock in zip(order, _blocks(len(order)), clocks, strict=True)
+        ),
+        uncalibrated=tuple(uncalibrated),
+        persons=tuple(person for _, person in found_persons(cameras, last)),
+        pairs=pair_residuals(cameras, skeleton, last),
+        reprojection_rms_px=float(np.sqrt((inliers**2).mean())),
+        n_observations=int(o.seen.sum()),
+        n_inliers=len(inliers),
+        frame_id="" if placement.upright is None else world_frame,
+        scale_stddev=placement.scale_stddev,
+        joint_covariance=covariance,
+        parameter_order=tuple(f"{name}.{parameter}" for name in names for parameter in PARAMETERS),
+    )
+
+
+def _blocks(n: int) -> list[slice]:
+    return [slice(len(PARAMETERS) * i, len(PARAMETERS) * (i + 1)) for i in range(n)]
+
+
+def _window(cameras: Sequence[LiftedCamera], last: Iteration) -> tuple[float, float]:
+    rig = last.rig
+    begin = [cameras[c].stamps[0] + d for c, d in zip(rig.cameras, rig.offset_s, strict=True)]
+    end = [cameras[c].stamps[-1] + d for c, d in zip(rig.cameras, rig.offset_s, strict=True)]
+    return float(min(begin)), float(max(end))
+
+
+@dataclass(frozen=True, slots=True)
+class _Clock:
+    """Offset at the epoch, rate, and by how much the variance of the former grows from there."""
+
+    offset_s: float
+    skew: float = 0.0
+    stddev: float = float("nan")
+    added_variance: float = 0.0
+
+
+def _clock(last: Iteration, i: int) -> _Clock:
+    offset, rates = float(last.rig.offset_s[i]), last.clocks
+    if last.lines is not None:
+        offset += float(last.lines.first_row_s[i])
+    if rates is None:
+        return _Clock(offset)
+    skew, stddev = float(rates.skew[i]), float(rates.stddev[i])
+    to_epoch = offset - rates.middle_s
+    added = 0.0 if skew == 0.0 else (to_epoch * stddev) ** 2
+    return _Clock(offset + skew * to_epoch, skew, stddev, added)
+
+
+def _camera(
+    recording: Recording,
+    last: Iteration,
+    i: int,
+    placement: WorldAlignment,
+    block: Float64Array,
+    clock: _Clock,
+) -> CameraCalibration:
+    camera, lines = recording.cameras[last.rig.cameras[i]], last.lines
+    return CameraCalibration(
+        name=camera.name,
+        frame_id=camera.frame_id,
+        intrinsics=camera.intrinsics,
+        R_ref_cam=placement.R @ last.rig.R_ref_cam[i],
+        t_ref_cam=placement.to_result(last.rig.t_ref_cam[i]),
+        covariance=block[:6, :6],
+        time_offset_s=clock.offset_s,
+        time_offset_stddev_s=float(np.sqrt(max(block[6, 6], 0.0))),
+        clock_skew=clock.skew,
+        clock_skew_stddev=clock.stddev,
+        line_time_s=camera.line_time_s if lines is None else float(lines.line_s[i]),
+        line_time_stddev_s=float("nan") if lines is None else float(lines.stddev_s[i]),
+    )
+
+
+def failed_calibration(
+    recording: Recording,
+    *,
+    status: Status,
+    message: str,
+    uncalibrated: Sequence[UncalibratedCamera],
+) -> Calibration:
+    """A result that says why there is none."""
+    stamps = [s for c in recording.cameras for s in (c.stamps[:1], c.stamps[-1:]) if len(s)]
+    epoch = recording.epoch_ns * 1e-9
+    times = np.concatenate(stamps) if stamps else np.zeros(1)
+    return Calibration(
+        status=status,
+        message=message,
+        reference=recording.cameras[0].name if recording.cameras else "",
+        metric=False,
+        epoch_s=epoch,
+        window_s=(epoch + float(times.min()), epoch + float(times.max())),
+        cameras=(),
+        uncalibrated=tuple(uncalibrated),
+        persons=(),
+        pairs=(),
+        reprojection_rms_px=float("nan"),
+        n_observations=0,
+        n_inliers=0,
+    )

@@ -1,0 +1,179 @@
+"""Unit and frame of the result: metres if something says how long one is, upright if asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.geometry.so3 import hat
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rig import Rig
+from stcalib_ros.core.model.skeleton import Skeleton
+from stcalib_ros.core.options import Options
+from stcalib_ros.core.output.gravity import GravityFrame, find_upright
+from stcalib_ros.core.output.scale import (
+    InconsistentScale,
+    Scale,
+    ScaleCue,
+    by_distance,
+    by_height,
+    fuse,
+)
+from stcalib_ros.core.reconstruction.people import joint_paths
+from stcalib_ros.core.validation.cross_view import depth_scale
+
+_BLOCK_S = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WorldAlignment:
+    """How the result lies in the world.
+
+    Attributes
+    ----------
+    unit : float
+        Factor from lengths of the adjustment to those of the result.
+    metric : bool
+        The result's lengths are metres.
+    scale_stddev : float
+        Of a metre, as a share; NaN if not metric.
+    upright : GravityFrame or None
+        Frame of the result, in the unit of the adjustment; None: that of the reference camera.
+    complaint : str
+        Why the result is not to be used; empty if it is.
+    """
+
+    unit: float
+    metric: bool = False
+    scale_stddev: float = float("nan")
+    upright: GravityFrame | None = None
+    complaint: str = ""
+
+    @property
+    def R(self) -> Float64Array:
+        """Rotation (3, 3) from the frame of the reference camera to that of the result."""
+        return np.eye(3) if self.upright is None else self.upright.R_world_ref
+
+    def to_result(self, points: Float64Array) -> Float64Array:
+        """Points (..., 3) of the adjustment in the frame and unit of the result."""
+        height = 0.0 if self.upright is None else self.upright.height
+        return np.asarray(self.unit * (points @ self.R.T + [0.0, 0.0, height]))
+
+    def covariance_of(self, rig: Rig, covariance: Float64Array) -> Float64Array:
+        """Joint covariance (7 C, 7 C) in the frame and unit of the result.
+
+        What is not known of the direction of up and of the floor moves all cameras together, and
+        the reference camera, too. The unit counts as known.
+
+        Parameters
+        ----------
+        rig : Rig
+        covariance : (7 C, 7 C) ndarray
+            As `pose_covariance` gives it.
+        """
+        C = len(rig.cameras)
+        G = block_diag(*[self.unit * self.R, self.R, np.eye(1)] * C)
+        moved = G @ covariance @ G.T
+        if self.upright is None:
+            return np.asarray(moved)
+        J = np.concatenate([self._common_motion(t) for t in rig.t_ref_cam])
+        return np.asarray(moved + J @ self.upright.covariance @ J.T)
+
+    def _common_motion(self, t_ref_cam: Float64Array) -> Float64Array:
+        """Derivative (7, 3) of a camera by the tilt about x and y and the height of the frame."""
+        forward = self.R[:, 2]
+        # The reference camera goes on looking along x: tilt about x turns about z, too.
+        turn = np.array([[1.0, 0.0], [0.0, 1.0], [forward[2] / max(forward[0], 1e-3), 0.0]])
+        J = np.zeros((7, 3))
+        J[:3, :2] = -self.unit * hat(self.R @ t_ref_cam) @ turn
+        J[2, 2] = self.unit
+        J[3:6, :2] = turn
+        return J
+
+
+def place(
+    recording: Recording,
+    cameras: Sequence[LiftedCamera],
+    skeleton: Skeleton,
+    last: Iteration,
+    covariance: Float64Array,
+    options: Options,
+) -> WorldAlignment:
+    """Find unit and frame of the result.
+
+    Parameters
+    ----------
+    recording : Recording
+    cameras : sequence of LiftedCamera
+        All cameras of the recording.
+    skeleton : Skeleton
+    last : Iteration
+    covariance : (7 C, 7 C) ndarray
+        Of the rig of the round.
+    options : Options
+    """
+    people = tuple(joint_paths(last))
+    complaint, scale = "", None
+    try:
+        scale = _scale(recording, cameras, skeleton, last, covariance, people, options)
+    except InconsistentScale as why:
+        complaint = str(why)
+    upright = None
+    if options.world_frame:
+        block = max(1, round(_BLOCK_S / last.observations.step_s))
+        upright, why_not = find_upright(skeleton.layout, people, block=block)
+        if upright is None:
+            complaint = complaint or f"world_frame: {why_not}; leave it empty, or have people walk"
+    if scale is None:
+        return WorldAlignment(baseline_unit(last.rig), upright=upright, complaint=complaint)
+    return WorldAlignment(scale.metres, True, scale.stddev, upright, complaint)
+
+
+def baseline_unit(rig: Rig) -> float:
+    """Factor that makes the distance between the first two cameras 1."""
+    first, second = np.argsort(rig.cameras, kind="stable")[:2]
+    return 1.0 / float(np.linalg.norm(rig.t_ref_cam[second] - rig.t_ref_cam[first]))
+
+
+def _scale(
+    recording: Recording,
+    cameras: Sequence[LiftedCamera],
+    skeleton: Skeleton,
+    last: Iteration,
+    covariance: Float64Array,
+    people: Sequence[Float64Array],
+    options: Options,
+) -> Scale | None:
+    """Length of the unit of the adjustment.
+
+    3D poses that are said to be metric are believed only as far as they agree with what was
+    given on purpose.
+
+    Raises
+    ------
+    InconsistentScale
+        What was given contradicts itself.
+    """
+    o = options.scale
+    given = [by_distance(d, recording, last.rig, covariance) for d in o.distances]
+    if o.body_height_m > 0:
+        given.append(
+            by_height(
+                skeleton.layout, people, height_m=o.body_height_m, sigma_m=o.body_height_sigma_m
+            )
+        )
+    claims = [claim for claim in given if claim is not None]
+    by_choice = fuse(claims)
+    if not all(recording.cameras[c].metric for c in last.rig.cameras):
+        return by_choice
+    poses = ScaleCue("the metric 3D poses", depth_scale(cameras, last), o.poses_sigma)
+    try:
+        return fuse([*claims, poses])
+    except InconsistentScale:
+        return by_choice

@@ -1,0 +1,1 @@
+"""People from calibrated cameras, and cameras from known people."""

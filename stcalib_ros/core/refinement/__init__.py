@@ -1,0 +1,1 @@
+"""Optional unknowns of the adjustment, estimated at the end."""

@@ -1,0 +1,1 @@
+"""View-dependent keypoint bias."""

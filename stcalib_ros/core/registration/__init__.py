@@ -1,0 +1,1 @@
+"""Pairwise registration of two cameras."""

@@ -1,0 +1,299 @@
+"""Epipolar geometry of two unsynchronised cameras: Sampson distance and two-view refinement.
+
+This is the second cost of Section III-A, ``x^T [t]_x R x'``, in its first-order geometric
+form and with the lag as an unknown: key points of the second camera are read off between
+its frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stcalib_ros.core.geometry.epipolar import _sampson_scale, sampson
+from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
+from stcalib_ros.core.geometry.so3 import exp_so3, hat, log_so3
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
+from stcalib_ros.core.model.relative_pose import RelativePose
+from stcalib_ros.core.registration.pose_noise import registration_stddev
+
+_MAX_POINTS = 1500
+_MIN_POINTS = 60
+_NOISE_FLOOR_PX = 3.0
+_MAX_NOISE_FRAMES = 300
+_CORRELATED = 20
+"""Key points that make one independent measurement: joints of one body, frame after frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Correspondences:
+    """Key points of matched tracks at one lag.
+
+    Attributes
+    ----------
+    x_a, x_b : (M, 3) ndarray
+        Homogeneous points on the planes z = 1.
+    v_b : (M, 3) ndarray
+        Time derivative of `x_b`, per second.
+    variance_b : (M,) ndarray
+        Variance of `x_b` over that of one key point, if the noise of every image is its own:
+        between two images it is less.
+    variance_rate_b : (M,) ndarray
+        Time derivative of that, per second.
+    focal : (M,) ndarray
+        Pixels per unit of x, geometric mean of both cameras.
+    """
+
+    x_a: Float64Array
+    x_b: Float64Array
+    v_b: Float64Array
+    variance_b: Float64Array
+    variance_rate_b: Float64Array
+    focal: Float64Array
+
+
+def correspondences(
+    cameras: Sequence[LiftedCamera], h: RelativePose, *, max_points: int = _MAX_POINTS
+) -> Correspondences:
+    """Matched key points at the lag of a hypothesis, thinned to about `max_points`."""
+    return _Matched(cameras[h.a], cameras[h.b], h.matches, max_points).at(h.lag_s)
+
+
+def white_noise_px(tracks: Sequence[LiftedTrack]) -> float:
+    """Standard deviation of the noise of key points that is new in every image, per axis.
+
+    By third differences, in which motion of the body leaves little.
+    """
+    differences = [np.zeros(0)]
+    for track in tracks:
+        rows = slice(None, _MAX_NOISE_FRAMES)
+        pixels = track.x[rows] * track.focal[rows, :, None]
+        following = np.flatnonzero(np.diff(track.frames[rows], n=1) == 1)
+        runs = following[np.isin(following + 1, following) & np.isin(following + 2, following)]
+        third = pixels[runs + 3] - 3.0 * pixels[runs + 2] + 3.0 * pixels[runs + 1] - pixels[runs]
+        differences.append(np.abs(third[np.isfinite(third)]))
+    every = np.concatenate(differences)
+    return float(1.48 * np.median(every) / np.sqrt(20.0)) if len(every) else 0.0
+
+
+class _Matched:
+    """Matched tracks of two cameras, for their key points to be read off at any lag."""
+
+    def __init__(
+        self,
+        cam_a: LiftedCamera,
+        cam_b: LiftedCamera,
+        matches: Sequence[tuple[int, int]],
+        max_points: int,
+    ) -> None:
+        total = sum(cam_a.tracks[p].x.shape[0] * cam_a.tracks[p].x.shape[1] for p, _ in matches)
+        stride = max(1, -(-total // max_points))
+        self.tracks_a = [cam_a.tracks[p] for p, _ in matches]
+        self.tracks_b = [cam_b.tracks[q] for _, q in matches]
+        self.stamps_b = [cam_b.stamps[b.frames] for b in self.tracks_b]
+        self.rows = [np.arange(0, len(a.frames), stride) for a in self.tracks_a]
+        of_a = list(zip(self.tracks_a, self.rows, strict=True))
+        self.times = [cam_a.stamps[a.frames[rows]] for a, rows in of_a]
+        self.period = frame_period(cam_b.stamps)
+        self.x_a = np.concatenate([a.x[rows] for a, rows in of_a])
+        self.focal_a = np.concatenate([a.focal[rows] for a, rows in of_a])
+        self.known_a = np.isfinite(self.x_a).all(-1)
+        self.white_px = white_noise_px(self.tracks_b)
+
+    def at(self, lag_s: float) -> Correspondences:
+        """Key points seen at the same moment if ``t_b - t_a`` is `lag_s`."""
+        between = self._interpolations(lag_s)
+        pieces = list(zip(between, self.tracks_b, strict=True))
+        x_b, v_b = (np.concatenate(c) for c in zip(*(i.both(b.x) for i, b in pieces), strict=True))
+        focal_b = np.concatenate([i(b.focal) for i, b in pieces])
+        variance, rate = (
+            np.concatenate(c) for c in zip(*(i.variance for i in between), strict=True)
+        )
+        good = np.flatnonzero(self.known_a & np.isfinite(x_b).all(-1))
+        x_a, x_b, v_b = (one.reshape(-1, 2)[good] for one in (self.x_a, x_b, v_b))
+        focal = np.sqrt(self.focal_a.ravel()[good] * focal_b.ravel()[good])
+        frame = good // self.known_a.shape[1]
+        one, zero = np.ones((len(good), 1)), np.zeros((len(good), 1))
+        return Correspondences(
+            np.hstack([x_a, one]),
+            np.hstack([x_b, one]),
+            np.hstack([v_b, zero]),
+            variance[frame],
+            rate[frame],
+            focal,
+        )
+
+    def bodies(self, lag_s: float) -> tuple[Float64Array, Float64Array]:
+        """Middles (K, 3) of the same bodies at the same moments in the two optical frames."""
+        pieces = zip(
+            self.tracks_a, self.rows, self.tracks_b, self._interpolations(lag_s), strict=True
+        )
+        pairs = [
+            (a.joints_cam[rows].mean(1), at(b.joints_cam).mean(1)) for a, rows, b, at in pieces
+        ]
+        body_a, body_b = (np.concatenate(column) for column in zip(*pairs, strict=True))
+        both = np.isfinite(body_a + body_b).all(-1)
+        return body_a[both], body_b[both]
+
+    def _interpolations(self, lag_s: float) -> list[Interpolation]:
+        return [
+            Interpolation(stamps, times + lag_s, period=self.period)
+            for stamps, times in zip(self.stamps_b, self.times, strict=True)
+        ]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Prior:
+    """Rotation and direction of t by the 3D poses, and their standard deviations, rad."""
+
+    R_a_b: Float64Array
+    unit_t: Float64Array
+    rotation: float
+    direction: float
+
+    def residuals(self, h: RelativePose) -> tuple[Float64Array, Float64Array]:
+        """Of rotation (3,) and direction (3,), in standard deviations."""
+        turned = log_so3(h.R_a_b @ self.R_a_b.T) / self.rotation
+        moved = (_unit(h.t_a_b) - self.unit_t) / self.direction
+        return turned, moved
+
+
+def refine_pair(
+    cameras: Sequence[LiftedCamera],
+    h: RelativePose,
+    *,
+    iterations: int = 10,
+    synchronised: bool = False,
+) -> RelativePose | None:
+    """Gauss-Newton on the robust Sampson error over rotation, direction of t and lag.
+
+    The registration that it starts from counts by how far 3D poses like these may be off. The
+    lag of synchronised cameras stays as it is.
+
+    Returns
+    -------
+    RelativePose or None
+        With `epipolar_px` set; None where too few key points are shared or it diverged.
+    """
+    matched = _Matched(cameras[h.a], cameras[h.b], h.matches, _MAX_POINTS)
+    max_lag_step = 0.0 if synchronised else 2.0 * matched.period
+    damping = 1e-3
+    c = matched.at(h.lag_s)
+    if len(c.x_a) < _MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
+        return None
+    deviations = registration_stddev(cameras[h.a], cameras[h.b], h)
+    prior = _Prior(h.R_a_b, _unit(h.t_a_b), *deviations)
+    noise = _noise(h, c, matched.white_px)
+    cost = _cost(h, c, prior, noise)
+    for _ in range(iterations):
+        trial = _step(h, c, prior, noise, damping, max_lag_step=max_lag_step)
+        c_trial = matched.at(trial.lag_s)
+        if len(c_trial.x_a) < _MIN_POINTS:
+            return None
+        if (trial_cost := _cost(trial, c_trial, prior, noise)) < cost:
+            converged = cost - trial_cost < 1e-3 * cost
+            h, c, damping = trial, c_trial, damping / 5.0
+            noise = _noise(h, c, matched.white_px)
+            cost = _cost(h, c, prior, noise)
+            if converged:
+                break
+        else:
+            damping *= 10.0
+            if damping > 1e3:
+                break
+    apart = float(np.median(np.abs(_distances_px(h, c))))
+    h = _metric_length(h, *matched.bodies(h.lag_s))
+    return replace(h, epipolar_px=apart)
+
+
+def _distances_px(h: RelativePose, c: Correspondences, white: float = 0.0) -> Float64Array:
+    variance_b = 1.0 - white * (1.0 - c.variance_b)
+    return sampson(hat(h.t_a_b) @ h.R_a_b, c.x_a, c.x_b, variance_b) * c.focal
+
+
+@dataclass(frozen=True, slots=True)
+class _Noise:
+    """Scale of the Cauchy loss, px, and the share of the variance that is new in every image.
+
+    Only that share is less between two images than in one of them. If it is not allowed for,
+    lags are drawn to where key points are averaged; if all were taken for it, away from there.
+    """
+
+    scale: float
+    white: float
+
+
+def _noise(h: RelativePose, c: Correspondences, white_px: float) -> _Noise:
+    """Of distances as they are, by their median."""
+    deviation = 1.48 * float(np.median(np.abs(_distances_px(h, c))))
+    white = min(1.0, (white_px / max(deviation, 1e-9)) ** 2)
+    return _Noise(max(_NOISE_FLOOR_PX, 1.5 * deviation), white)
+
+
+def _cost(h: RelativePose, c: Correspondences, prior: _Prior, noise: _Noise) -> float:
+    """Cauchy loss plus the prior."""
+    r = _distances_px(h, c, noise.white) / noise.scale
+    data = float(np.log1p(r**2).mean()) * len(r) / _CORRELATED
+    turned, moved = prior.residuals(h)
+    return data + float(turned @ turned + moved @ moved)
+
+
+def _unit(v: Float64Array) -> Float64Array:
+    return np.asarray(v / np.sqrt(v @ v))
+
+
+def _step(
+    h: RelativePose,
+    c: Correspondences,
+    prior: _Prior,
+    noise: _Noise,
+    damping: float,
+    *,
+    max_lag_step: float,
+) -> RelativePose:
+    t = _unit(h.t_a_b)
+    tangent = np.linalg.svd(t[None])[2][1:]
+    E = hat(t) @ h.R_a_b
+    # Numerator and derivatives are all of the form x_a^T B x_b.
+    forms = np.concatenate([E[None], hat(t) @ hat(np.eye(3)) @ h.R_a_b, hat(tangent) @ h.R_a_b])
+    products = (c.x_a[:, :, None] * c.x_b[:, None, :]).reshape(-1, 9)
+    values = forms.reshape(6, 9) @ products.T
+    line_b = c.x_a @ E
+    denominator = _sampson_scale(c.x_b @ E.T, line_b, 1.0 - noise.white * (1.0 - c.variance_b))
+    inverse = c.focal / denominator / noise.scale
+    r = values[0] * inverse
+    # Without its second term the step would follow noise, which differences of images share.
+    later = (c.x_a * (c.v_b @ E.T)).sum(-1)
+    rate = noise.white * c.variance_rate_b * (line_b[:, :2] ** 2).sum(-1)
+    later -= values[0] * rate / denominator**2 / 2.0
+    values[:5] = values[1:]
+    values[5] = later * (max_lag_step > 0)
+    J = (values * inverse).T
+    w = 1.0 / (1.0 + r**2) / _CORRELATED
+    turned, moved = prior.residuals(h)
+    H = J.T @ (w[:, None] * J)
+    g = J.T @ (w * r)
+    H[range(5), range(5)] += np.repeat([prior.rotation**-2, prior.direction**-2], [3, 2])
+    g[:3] += turned / prior.rotation
+    g[3:5] += tangent @ moved / prior.direction
+    H[range(6), range(6)] *= 1.0 + damping
+    H[range(6), range(6)] += 1e-12 * np.trace(H)
+    step = -np.linalg.solve(H, g)
+    step[:3] *= min(1.0, 0.2 / max(float(np.linalg.norm(step[:3])), 1e-12))
+    length = float(np.linalg.norm(h.t_a_b))
+    return replace(
+        h,
+        R_a_b=exp_so3(step[:3]) @ h.R_a_b,
+        t_a_b=_unit(t + tangent.T @ step[3:5]) * length,
+        lag_s=h.lag_s + float(np.clip(step[5], -max_lag_step, max_lag_step)),
+    )
+
+
+def _metric_length(h: RelativePose, body_a: Float64Array, body_b: Float64Array) -> RelativePose:
+    """Length and sign of t from where the monocular poses stand."""
+    t = _unit(h.t_a_b)
+    along = (body_a - body_b @ h.R_a_b.T) @ t
+    return replace(h, t_a_b=t * float(np.median(along))) if len(along) else h

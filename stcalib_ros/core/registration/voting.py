@@ -1,0 +1,230 @@
+"""Voting for the rotation, lag and matches of a pair of cameras (Sections III-B to III-D).
+
+Every pair of tracks at every lag proposes a rotation; the proposals that other tracks agree
+with survive, several of them, since look-alike motion can only be told apart later, in the
+multi-view problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stcalib_ros.core.geometry.alignment import best_rotation, best_rotation_trace
+from stcalib_ros.core.geometry.so3 import rotation_angle
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.relative_pose import RelativePose
+from stcalib_ros.core.options import RegistrationOptions
+from stcalib_ros.core.registration.correlation import PairCovariance, cross_covariance
+from stcalib_ros.core.registration.resampling import GridTracks
+
+_THRESHOLDS = (0.8, 0.7, 0.6, 0.5)
+_SAME_ROTATION = 0.15
+_SAME_LAG = 3
+_LAG_REFIT = 4
+_POSITION_TOLERANCE = 0.35
+_BODY_SIZE_RANGE = 1.25
+_MAX_MEDIAN_SAMPLES = 96
+
+
+def register_pair(
+    a: int,
+    b: int,
+    tracks_a: GridTracks,
+    tracks_b: GridTracks,
+    max_lag: int,
+    o: RegistrationOptions,
+    *,
+    thresholds: Sequence[float] = _THRESHOLDS,
+) -> tuple[RelativePose, ...]:
+    """Hypotheses on a pair of cameras, best first; none where no tracks agree at any lag.
+
+    Parameters
+    ----------
+    a, b : int
+        Indices of the cameras, for the record.
+    tracks_a, tracks_b : GridTracks
+        On grids of the same step and start.
+    max_lag : int
+        Lags are searched within plus and minus this many samples.
+    o : RegistrationOptions
+    thresholds : sequence of float
+        How well bones have to agree; the next one is for where nothing does so by the one before.
+    """
+    if not len(tracks_a.position) or not len(tracks_b.position):
+        return ()
+    covariance = cross_covariance(tracks_a, tracks_b, max_lag=max_lag)
+    vote = _Vote(covariance, tracks_a, tracks_b, o, thresholds)
+    if not len(vote.candidates):
+        return ()
+    found = []
+    for R, lag_index in vote.distinct_winners():
+        matches, R_a_b, t_a_b, support = vote.consensus(R, lag_index)
+        if not matches:
+            continue
+        lag_s = float(covariance.lags[lag_index]) * tracks_a.step
+        found.append(RelativePose(a, b, R_a_b, t_a_b, lag_s, matches, support))
+    return tuple(sorted(found, key=lambda h: -h.support))
+
+
+class _Vote:
+    """The votes of all tracks of a pair of cameras for one another's proposals."""
+
+    def __init__(
+        self,
+        cov: PairCovariance,
+        a: GridTracks,
+        b: GridTracks,
+        o: RegistrationOptions,
+        thresholds: Sequence[float],
+    ) -> None:
+        self.cov, self.a, self.b, self.options = cov, a, b, o
+        self.usable = cov.overlap >= o.min_overlap
+        self.conflict = _conflicts(a.present, b.present)
+        self.threshold, self.candidates = self._candidates(thresholds)
+
+    def _candidates(self, thresholds: Sequence[float]) -> tuple[float, IntArray]:
+        """The strongest (track, track, lag) triples, as (K, 3) indices."""
+        score = self.cov.score(min_overlap=self.options.min_overlap)
+        peak = _local_maxima(np.nan_to_num(score, nan=-1.0))
+        for threshold in thresholds:
+            gain = np.where(peak, self.cov.mass * (np.nan_to_num(score) - threshold), 0.0).ravel()
+            top = np.argsort(-gain, kind="stable")[: self.options.n_candidates]
+            top = top[gain[top] > 0]
+            if len(top):
+                return threshold, np.stack(np.unravel_index(top, score.shape), -1)
+        return thresholds[-1], np.zeros((0, 3), dtype=np.int64)
+
+    def gains(self, R: Float64Array, lag: IntArray) -> Float64Array:
+        """Support (K, P, Q) of all track pairs for rotations (K, 3, 3) at lags (K,)."""
+        S, mass = self.cov.S[:, :, lag], self.cov.mass[:, :, lag]
+        agreement = np.einsum("kij,pqkij->kpq", R, S, optimize=True)
+        mass = mass.transpose(2, 0, 1)
+        usable = self.usable[:, :, lag].transpose(2, 0, 1)
+        return np.where(usable, agreement - self.threshold * mass, -np.inf)
+
+    def distinct_winners(self) -> list[tuple[Float64Array, int]]:
+        """Rotations and lag indices after two rounds of vote and refit, best first."""
+        p, q, lag = self.candidates.T
+        R = best_rotation(self.cov.S[p, q, lag])
+        for _ in range(2):
+            chosen = self._assign(R, lag)
+            R, lag = self._refit(chosen, R, lag)
+        gain = self.gains(R, lag).reshape(len(R), -1)
+        support = np.where(self._assign(R, lag).reshape(len(R), -1), gain, 0.0).sum(-1)
+        kept: list[int] = []
+        for k in np.argsort(-support, kind="stable"):
+            angles = rotation_angle(R[kept] @ R[k].T)
+            near = (angles < _SAME_ROTATION) & (np.abs(lag[kept] - lag[k]) <= _SAME_LAG)
+            if support[k] > 0 and not near.any():
+                kept.append(int(k))
+            if len(kept) == self.options.n_hypotheses:
+                break
+        return [(R[k], int(lag[k])) for k in kept]
+
+    def _assign(self, R: Float64Array, lag: IntArray) -> BoolArray:
+        gain = self.gains(R, lag)
+        return _greedy(gain.reshape(len(R), -1), self.conflict).reshape(gain.shape)
+
+    def _refit(
+        self, chosen: BoolArray, R: Float64Array, lag: IntArray
+    ) -> tuple[Float64Array, IntArray]:
+        """Best rotation on all matches, at the best lag near the present one."""
+        nearby = np.clip(lag + np.arange(-_LAG_REFIT, _LAG_REFIT + 1)[:, None], 0, None)
+        nearby = np.minimum(nearby, len(self.cov.lags) - 1)
+        pick = chosen.astype(float)
+        S = np.stack([np.einsum("kpq,pqkij->kij", pick, self.cov.S[:, :, at]) for at in nearby])
+        mass = np.stack([np.einsum("kpq,pqk->k", pick, self.cov.mass[:, :, at]) for at in nearby])
+        value = best_rotation_trace(S) - self.threshold * mass
+        best = value.argmax(0)
+        k = np.arange(len(R))
+        matched = np.asarray(chosen.any((1, 2)))
+        refit = np.where(matched[:, None, None], best_rotation(S[best, k]), R)
+        return refit, np.where(matched, nearby[best, k], lag)
+
+    def consensus(
+        self, R: Float64Array, lag: int
+    ) -> tuple[tuple[tuple[int, int], ...], Float64Array, Float64Array, float]:
+        """Matches whose positions agree on one translation: tells look-alikes apart."""
+        gain = self.gains(R[None], np.array([lag]))[0]
+        pairs = np.argwhere(gain > 0)
+        if not len(pairs):
+            return (), R, np.zeros(3), 0.0
+        t = self._translations(R, int(self.cov.lags[lag]), pairs)
+        agree = _apart(t) < _POSITION_TOLERANCE
+        strength = gain[tuple(pairs.T)]
+        flat = np.ravel_multi_index(tuple(pairs.T), gain.shape)
+        votes = np.where(agree, strength, -np.inf)
+        chosen = _greedy(votes, self.conflict[np.ix_(flat, flat)])
+        best = int(np.where(chosen, strength, 0.0).sum(-1).argmax())
+        rows = np.flatnonzero(chosen[best])
+        if not len(rows):
+            return (), R, np.zeros(3), 0.0
+        p, q = pairs[rows].T
+        R_a_b = best_rotation(self.cov.S[p, q, lag].sum(0))
+        t = self._translations(R_a_b, int(self.cov.lags[lag]), pairs[rows])
+        t_a_b = np.average(t, axis=0, weights=strength[rows])
+        matches = tuple((int(i), int(j)) for i, j in pairs[rows])
+        return matches, R_a_b, t_a_b, float(strength[rows].sum())
+
+    def _translations(self, R: Float64Array, lag: int, pairs: IntArray) -> Float64Array:
+        """Median of ``T_p - R T_q`` of track pairs (M, 2)."""
+        n = self.a.position.shape[1]
+        k = np.arange(max(0, -lag), min(n, n - lag))
+        here, there = self.a.position[pairs[:, 0]][:, k], self.b.position[pairs[:, 1]][:, k + lag]
+        difference = here - there @ R.T
+        both = np.asarray(np.isfinite(difference[..., 0]))
+        t = np.empty((len(pairs), 3))
+        for i, use in enumerate(both):
+            at = np.flatnonzero(use)
+            at = at[:: -(-len(at) // _MAX_MEDIAN_SAMPLES)]
+            t[i] = np.median(difference[i, at], axis=0)
+        return t
+
+
+def _apart(t: Float64Array) -> Float64Array:
+    """Distances (M, M) of translations, as close as people of other sizes may bring them.
+
+    A lifter that takes a person for larger than he is puts him further away in every view,
+    and so stretches the translation that follows from him.
+    """
+    square = np.maximum((t**2).sum(-1), 1e-12)
+    stretch = np.clip((t @ t.T) / square[None], 1 / _BODY_SIZE_RANGE, _BODY_SIZE_RANGE)
+    one_way = np.linalg.norm(t[:, None] - stretch[..., None] * t[None], axis=-1)
+    return np.asarray(np.minimum(one_way, one_way.T))
+
+
+def _local_maxima(score: Float64Array) -> BoolArray:
+    """Where no neighbour along the last axis is greater."""
+    padded = np.pad(score, [(0, 0)] * (score.ndim - 1) + [(1, 1)], constant_values=-np.inf)
+    return np.asarray((score >= padded[..., :-2]) & (score >= padded[..., 2:]))
+
+
+def _conflicts(present_a: BoolArray, present_b: BoolArray) -> BoolArray:
+    """Which track pairs exclude one another: one track cannot be two people at one time."""
+    share_a = _shared(present_a) > 0
+    share_b = _shared(present_b) > 0
+    P, Q = len(share_a), len(share_b)
+    same_p = np.eye(P, dtype=bool)[:, None, :, None] & share_b[None, :, None, :]
+    same_q = np.eye(Q, dtype=bool)[None, :, None, :] & share_a[:, None, :, None]
+    return np.asarray((same_p | same_q).reshape(P * Q, P * Q))
+
+
+def _shared(present: BoolArray) -> Float64Array:
+    seen = present.astype(np.float32)
+    return np.asarray(seen @ seen.T)
+
+
+def _greedy(gain: Float64Array, conflict: BoolArray) -> BoolArray:
+    """Greedy choice of compatible columns with positive gain, for every row at once."""
+    left = gain.copy()
+    chosen = np.zeros(gain.shape, dtype=bool)
+    rows = np.arange(len(gain))
+    while True:
+        best = left.argmax(-1)
+        wins = left[rows, best] > 0
+        if not wins.any():
+            return chosen
+        chosen[rows[wins], best[wins]] = True
+        left[wins] = np.where(conflict[best[wins]], -np.inf, left[wins])

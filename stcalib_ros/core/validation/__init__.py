@@ -1,0 +1,1 @@
+"""Decides whether a calibration can be trusted."""

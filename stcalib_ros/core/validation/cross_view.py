@@ -1,0 +1,173 @@
+"""How cameras and monocular 3D poses agree: bones, distances of people, pair by pair."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.geometry.alignment import best_rotation
+from stcalib_ros.core.geometry.epipolar import sampson
+from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
+from stcalib_ros.core.geometry.so3 import hat, rotation_angle
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.calibration import PairResidual
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.relative_pose import RelativePose, relative_pose
+from stcalib_ros.core.model.skeleton import Skeleton
+from stcalib_ros.core.registration.two_view_refinement import correspondences
+
+_BONE_FRAMES = 400
+
+
+def matches_of(last: Iteration, a: int, b: int) -> tuple[tuple[int, int], ...]:
+    """Tracks of two cameras (positions in the rig) that are one person in some slot."""
+    person_a, person_b = last.association.person_of[a], last.association.person_of[b]
+    same = (person_a[:, None] == person_b[None]) & (person_a[:, None] >= 0)
+    return tuple((int(p), int(q)) for p, q in np.argwhere(same.any(-1)))
+
+
+def bone_rotations(
+    cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration
+) -> Float64Array:
+    """Angle (C, C) between relative rotations of the rig and of the bones; NaN without matches."""
+    C = len(last.rig.cameras)
+    angle = np.full((C, C), np.nan)
+    for a in range(C):
+        for b in range(a + 1, C):
+            v_a, v_b = _matched_bones(cameras, skeleton, last, a, b)
+            if len(v_a) >= 100:
+                R_a_b = last.rig.R_ref_cam[a].T @ last.rig.R_ref_cam[b]
+                by_bones = best_rotation(v_a.T @ v_b)
+                angle[a, b] = angle[b, a] = float(rotation_angle(R_a_b.T @ by_bones))
+    return angle
+
+
+def _matched_bones(
+    cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration, a: int, b: int
+) -> tuple[Float64Array, Float64Array]:
+    """Bones (M, 3), (M, 3) of the same moments in the two optical frames, metres; thinned."""
+    rig = last.rig
+    cam_a, cam_b = cameras[rig.cameras[a]], cameras[rig.cameras[b]]
+    lag = rig.offset_s[a] - rig.offset_s[b]
+    period = frame_period(cam_b.stamps)
+    pairs_a, pairs_b = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    matches = matches_of(last, a, b)
+    stride = max(1, sum(len(cam_a.tracks[p].frames) for p, _ in matches) // _BONE_FRAMES)
+    for p, q in matches:
+        track_a, track_b = cam_a.tracks[p], cam_b.tracks[q]
+        times = cam_a.stamps[track_a.frames[::stride]]
+        at = Interpolation(cam_b.stamps[track_b.frames], times + lag, period=period)
+        slot = last.association.slot(times + rig.offset_s[a])
+        same = last.association.person_of[a][p][slot] == last.association.person_of[b][q][slot]
+        v_a = _bones(track_a.joints_cam[::stride], skeleton)
+        v_b = _bones(at(track_b.joints_cam), skeleton)
+        good = np.isfinite(v_a + v_b).all(-1) & same[:, None]
+        pairs_a.append(v_a[good])
+        pairs_b.append(v_b[good])
+    return np.concatenate(pairs_a), np.concatenate(pairs_b)
+
+
+def _bones(joints: Float64Array, skeleton: Skeleton) -> Float64Array:
+    known = np.isfinite(joints[..., 0])
+    vectors = np.einsum("dj,fjk->fdk", skeleton.directions, np.nan_to_num(joints), optimize=True)
+    missing = (skeleton.directions != 0).astype(float) @ (~known).T.astype(float)
+    return np.asarray(np.where((missing.T == 0)[..., None], vectors, np.nan))
+
+
+def usual_distances(last: Iteration) -> Float64Array:
+    """Median distance (C,) of the people from each camera along its axis, in the rig's unit."""
+    state = last.state
+    Z = state.X @ state.R_cam_ref[:, 2].T + state.t_cam_ref[:, 2]
+    seen = state.used.transpose(0, 2, 1)
+    return np.array(
+        [
+            np.median(Z[..., c][seen[..., c]]) if seen[..., c].any() else np.nan
+            for c in range(Z.shape[-1])
+        ]
+    )
+
+
+def depth_ratios(cameras: Sequence[LiftedCamera], last: Iteration) -> Float64Array:
+    """Triangulated over monocular distance of people from each camera (C,); NaN if unknown."""
+    o, state = last.observations, last.state
+    ratio = np.full(len(last.rig.cameras), np.nan)
+    for c, index in enumerate(last.rig.cameras):
+        rows = np.flatnonzero((o.track[:, c] >= 0) & state.used[:, c].any(-1))
+        rows = rows[:: max(1, len(rows) // 400)]
+        Z = state.X[rows] @ state.R_cam_ref[c][2] + state.t_cam_ref[c][2]
+        lifted = _lifted_depths(cameras[index], o.track[rows, c], _times(last, rows, c))
+        both = state.used[rows, c] & np.isfinite(lifted) & (lifted > 0)
+        if both.any():
+            ratio[c] = float(np.median(Z[both] / lifted[both]))
+    return ratio
+
+
+def depth_scale(cameras: Sequence[LiftedCamera], last: Iteration) -> float:
+    """Factor from the unit of the adjustment to metres, by the size of the people."""
+    ratio = depth_ratios(cameras, last)
+    return 1.0 / float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else 1.0
+
+
+def _times(last: Iteration, rows: IntArray, c: int) -> Float64Array:
+    """Times of images by the clock of their camera."""
+    o = last.observations
+    reference = o.start_s + o.knot[rows] * o.step_s + o.phi[rows, c]
+    return np.asarray(reference - last.rig.offset_s[c] + last.state.shift_s[c])
+
+
+def _lifted_depths(camera: LiftedCamera, tracks: IntArray, times: Float64Array) -> Float64Array:
+    J = camera.tracks[0].x.shape[1]
+    depth = np.full((len(tracks), J), np.nan)
+    for p in np.unique(tracks):
+        track = camera.tracks[p]
+        mine = np.flatnonzero(tracks == p)
+        nearest = np.searchsorted(camera.stamps[track.frames], times[mine] - 1e-6)
+        depth[mine] = track.joints_cam[np.minimum(nearest, len(track.frames) - 1), :, 2]
+    return depth
+
+
+def pair_residuals(
+    cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration
+) -> tuple[PairResidual, ...]:
+    """How well every two cameras with common persons agree."""
+    found = []
+    rig = last.rig
+    for a in range(len(rig.cameras)):
+        for b in range(a + 1, len(rig.cameras)):
+            matches = matches_of(last, a, b)
+            v_a, v_b = _matched_bones(cameras, skeleton, last, a, b)
+            if not len(v_a):
+                continue
+            h = relative_pose(rig, a, b, matches)
+            persons = set(last.association.person_of[a].ravel().tolist()) & set(
+                last.association.person_of[b].ravel().tolist()
+            )
+            found.append(
+                PairResidual(
+                    cameras[h.a].name,
+                    cameras[h.b].name,
+                    len(persons - {-1}),
+                    _median_angle(v_a, v_b @ h.R_a_b.T),
+                    _epipolar_rms(cameras, h),
+                )
+            )
+    return tuple(found)
+
+
+def _median_angle(v: Float64Array, w: Float64Array) -> float:
+    cosine = (v * w).sum(-1) / np.maximum(
+        np.linalg.norm(v, axis=-1) * np.linalg.norm(w, axis=-1), 1e-12
+    )
+    return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def _epipolar_rms(cameras: Sequence[LiftedCamera], h: RelativePose) -> float:
+    """Sampson distance, px, of the inliers (three times the median)."""
+    c = correspondences(cameras, h)
+    if not len(c.x_a):
+        return float("nan")
+    r = np.abs(sampson(hat(h.t_a_b / np.linalg.norm(h.t_a_b)) @ h.R_a_b, c.x_a, c.x_b) * c.focal)
+    inliers = r[r <= max(3.0 * float(np.median(r)), 1e-12)]
+    return float(np.sqrt((inliers**2).mean()))

@@ -1,1 +1,0 @@
-"""Does a calibration still hold? People who come later tell."""

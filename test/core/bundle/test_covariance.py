@@ -1,0 +1,116 @@
+"""Predicted deviations against those of repeated experiments."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bundle_helpers import problem
+from scipy.stats import chi2
+
+from stcalib_ros.core.bundle.covariance import PARAMETERS, pose_covariance
+from stcalib_ros.core.bundle.levenberg_marquardt import adjust
+from stcalib_ros.core.geometry.so3 import log_so3
+
+
+def published(state):
+    """Parameters (7 C,) as they are published: centre, rotation about reference axes, offset."""
+    R = np.swapaxes(state.R_cam_ref, 1, 2)
+    centre = -np.einsum("cij,cj->ci", R, state.t_cam_ref)
+    return R, centre, state.shift_s
+
+
+def difference(state, truth):
+    R, centre, shift = published(state)
+    R_true, centre_true, shift_true = published(truth)
+    turned = log_so3(R @ np.swapaxes(R_true, 1, 2))
+    return np.concatenate([centre - centre_true, turned, (shift - shift_true)[:, None]], -1).ravel()
+
+
+def noisy(p, rng, sigma_px):
+    noise = sigma_px * rng.normal(size=p.o.x.shape) / p.o.focal[..., None]
+    return replace(p.o, x=np.where(p.o.seen[..., None], p.o.x + noise, 0))
+
+
+def experiments(n, *, cameras, sigma_px=2.0):
+    """Differences from the truth (n, 7 C) and predicted covariances (n, 7 C, 7 C)."""
+    exact = problem(
+        np.random.default_rng(0), cameras=cameras, knots=60, joints=4, sigma_px=0, missing=0.1
+    )
+    errors, predicted = [], []
+    for seed in range(n):
+        o = noisy(exact, np.random.default_rng(seed), sigma_px)
+        state = adjust(o, exact.truth, iterations=30, tolerance=1e-4)
+        errors.append(difference(state, exact.truth))
+        predicted.append(pose_covariance(o, state))
+    return np.array(errors), np.array(predicted)
+
+
+@pytest.fixture(scope="module")
+def repeated():
+    return experiments(40, cameras=5)
+
+
+def test_predicted_deviations_are_those_of_repeated_experiments(repeated):
+    errors, predicted = repeated
+    free = np.arange(7, errors.shape[1])
+    deviation = np.sqrt(predicted.mean(0)[free, free])
+    square = ((errors[:, free] / deviation) ** 2).mean(0)
+    # 40 experiments: the mean square is chi-square over its degrees of freedom, of each of the
+    # 28 parameters.
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], 40) / 40
+    assert (square > low).all(), square
+    assert (square < high).all(), square
+    assert 1 / 1.3 < square.mean() < 1.3, square.mean()
+
+
+def test_errors_have_no_bias(repeated):
+    errors, predicted = repeated
+    free = np.arange(7, errors.shape[1])
+    deviation = np.sqrt(predicted.mean(0)[free, free] / len(errors))
+    assert np.abs(errors[:, free].mean(0) / deviation).max() < 4.5
+
+
+def test_a_covariance_is_symmetric_and_positive(repeated):
+    for P in repeated[1][:5]:
+        np.testing.assert_allclose(P, P.T, atol=1e-12 * np.abs(P).max())
+        assert np.linalg.eigvalsh(P)[0] > -1e-9 * np.abs(P).max()
+
+
+def test_the_reference_is_certain_and_so_is_the_first_baseline():
+    p = problem(np.random.default_rng(2), cameras=3, knots=40)
+    state = adjust(p.o, p.truth, iterations=20, tolerance=1e-3)
+    P = pose_covariance(p.o, state)
+    assert not P[:7].any()
+    assert not P[:, :7].any()
+    centre = -state.R_cam_ref[1].T @ state.t_cam_ref[1]
+    along = centre / np.linalg.norm(centre)
+    assert along @ P[7:10, 7:10] @ along < 1e-4 * np.trace(P[7:10, 7:10])
+
+
+def test_twice_the_noise_is_twice_the_deviation():
+    exact = problem(np.random.default_rng(3), cameras=4, knots=60, joints=4, sigma_px=0)
+    deviations = []
+    for sigma_px in (2.0, 4.0):
+        o = noisy(exact, np.random.default_rng(0), sigma_px)
+        state = adjust(o, exact.truth, iterations=30, tolerance=1e-4)
+        deviations.append(np.sqrt(np.diag(pose_covariance(o, state))[7:]))
+    np.testing.assert_allclose(deviations[1] / deviations[0], 2, rtol=0.15)
+
+
+def test_the_unit_of_lengths_is_that_of_the_state():
+    p = problem(np.random.default_rng(4), cameras=3, knots=40)
+    state = adjust(p.o, p.truth, iterations=20, tolerance=1e-3)
+    lengths = ("t_cam_ref", "X", "V", "A")
+    enlarged = replace(state, **{name: 5 * getattr(state, name) for name in lengths})
+    grow = np.tile([5, 5, 5, 1, 1, 1, 1], 3)
+    small, large = pose_covariance(p.o, state), pose_covariance(p.o, enlarged)
+    deviation = np.sqrt(np.diag(small)[7:])
+    size = np.outer(deviation, deviation)
+    shrunk = large / np.outer(grow, grow)
+    np.testing.assert_allclose(shrunk[7:, 7:] / size, small[7:, 7:] / size, atol=1e-4)
+
+
+def test_parameters_are_those_of_the_result():
+    assert PARAMETERS == ("x", "y", "z", "rot_x", "rot_y", "rot_z", "time_offset_s")

@@ -1,0 +1,193 @@
+"""From spans to verdicts: what makes an alarm, what does not, and what ends it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from stcalib_ros.core.model.calibration import PairResidual
+from stcalib_ros.core.monitoring.alarms import KEPT_SPANS, State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.change_detection import Finding, Fit
+from stcalib_ros.core.monitoring.spans import SPAN_S, Span, expected_residual_px
+
+NAMES = ("cam0", "cam1", "cam2")
+INFORMATION = np.diag([1e5, 1e5, 1e5, 1e4, 1e4, 1e4, 1e4])
+K = 10
+
+
+def finding(
+    turn_deg=0.0,
+    *,
+    shift_m=0.0,
+    clock_s=0.0,
+    gain=0.0,
+    after_px=4.0,
+    matched=K,
+    blind=0,
+    rivals=(),
+    n_points=500,
+):
+    change = np.array([0.0, math.radians(turn_deg), 0.0, shift_m, 0.0, 0.0, clock_s])
+    before_px = after_px + 10.0 * (gain > 0.5)
+    fit = Fit(change, INFORMATION, before_px, after_px, gain, n_points)
+    return Finding(fit, 6.0, 4.0, K, K - blind, matched, blind, tuple(rivals))
+
+
+GOOD = finding()
+TURNED = finding(2.0, gain=4.0)
+JUMPED = finding(clock_s=-0.1, gain=4.0)
+LOST = finding(matched=0, n_points=0)
+DISAGREES = finding(after_px=35.0)
+BLIND = finding(matched=0, blind=K, n_points=0)
+NOBODY = finding(matched=0, n_points=0)
+NOBODY = Finding(NOBODY.fit, 6.0, math.nan, K, 0, 0, 0)
+
+
+def told(*findings, thresholds=None, others=GOOD, away=()):
+    """Verdicts on cam1 after each of its findings; None: it has no images."""
+    verdicts = {name: Verdict(name) for name in NAMES}
+    spans, out = [], []
+    for k, own in enumerate(findings):
+        found = dict.fromkeys(NAMES, others) | {"cam1": own}
+        found = {name: f for name, f in found.items() if f is not None}
+        away_s = {"cam1": away[k]} if k < len(away) and away[k] else {}
+        spans = [*spans, Span(SPAN_S * k, SPAN_S * (k + 1), found, away_s)][-KEPT_SPANS:]
+        verdicts = judge(spans, verdicts, thresholds or Thresholds())
+        assert not others or not any(verdicts[n].state.alarm for n in ("cam0", "cam2"))
+        out.append(verdicts["cam1"])
+    return out
+
+
+def states(*findings, **given):
+    return [verdict.state for verdict in told(*findings, **given)]
+
+
+def test_one_strange_span_is_no_alarm():
+    assert states(GOOD, TURNED, GOOD, TURNED, GOOD) == [State.OK] * 5
+
+
+def test_two_that_agree_are():
+    last = told(GOOD, TURNED, TURNED)[-1]
+    assert last.state is State.MOVED
+    assert last.rotation_deg == pytest.approx(2.0)
+    assert last.since_s == 2 * SPAN_S
+    assert "cam1 has moved, as if turned by 2.0 degrees" in last.sentence()
+    assert last.residual_px == pytest.approx(1.48 * 14.0)
+
+
+def test_a_clock():
+    last = told(GOOD, JUMPED, JUMPED)[-1]
+    assert (last.state, last.clock_jump_s) == (State.CLOCK, pytest.approx(0.1))
+    assert "the clock of cam1 has jumped by +100 ms" in last.sentence()
+
+
+def test_both():
+    both = finding(2.0, clock_s=0.2, gain=5.0)
+    assert states(GOOD, both, both)[-1] is State.BOTH
+
+
+def test_spans_that_contradict_each_other_are_no_alarm():
+    assert State.MOVED not in states(*[TURNED, finding(-2.0, gain=4.0)] * 3)
+
+
+@pytest.mark.parametrize(
+    "weak",
+    [finding(0.9, gain=9.0), finding(2.0, gain=0.2), finding(clock_s=0.04, gain=9.0)],
+    ids=["small", "not significant", "short"],
+)
+def test_size_and_significance_are_both_needed(weak):
+    assert not any(state.alarm for state in states(*[weak] * 6))
+
+
+def test_thresholds_can_be_changed():
+    fine = Thresholds(rotation_deg=0.5, clock_s=0.05)
+    assert states(*[finding(0.9, gain=4.0)] * 2, thresholds=fine)[-1] is State.MOVED
+
+
+def test_weak_evidence_adds_up():
+    assert states(*[finding(2.0, gain=0.9)] * 4) == [*[State.UNKNOWN] * 3, State.MOVED]
+
+
+def test_a_displacement_beside_a_turn_needs_more_evidence():
+    shifted = finding(1.2, shift_m=0.08, gain=0.9)
+    assert not any(state.alarm for state in states(*[shifted] * 8))
+    clear = finding(1.2, shift_m=0.08, gain=3.5)
+    assert states(clear, clear)[-1] is State.MOVED
+    assert "and shifted by 0.08 m" in told(clear, clear)[-1].sentence()
+
+
+def test_data_of_the_span_of_the_change_is_not_used():
+    part = finding(0.7, gain=0.5)
+    assert told(GOOD, part, TURNED, TURNED)[-1].since_s == 3 * SPAN_S
+
+
+def test_a_camera_that_moves_on_starts_anew():
+    more = finding(9.0, gain=6.0)
+    verdicts = told(GOOD, TURNED, TURNED, more, more, more)
+    assert verdicts[2].since_s == 2 * SPAN_S
+    assert verdicts[-1].since_s == 4 * SPAN_S
+
+
+def test_it_ends_when_it_is_put_back():
+    verdicts = told(TURNED, TURNED, GOOD, GOOD, GOOD)
+    assert [v.state for v in verdicts[1:]] == [State.MOVED, State.MOVED, State.OK, State.OK]
+    assert verdicts[-1].since_s == 3 * SPAN_S
+
+
+def test_it_stays_while_nobody_is_seen():
+    assert states(TURNED, TURNED, *[NOBODY] * 8)[-1] is State.MOVED
+    assert states(GOOD, *[NOBODY] * 8)[-1] is State.OK
+    assert states(*[NOBODY] * 3)[-1] is State.UNKNOWN
+    assert states(*[None] * 3)[-1] is State.UNKNOWN
+
+
+@pytest.mark.parametrize("gone", [LOST, DISAGREES], ids=["unmatched", "disagrees"])
+def test_who_matches_nobody_for_long_is_lost(gone):
+    found = told(GOOD, gone, gone, gone)
+    assert [v.state for v in found] == [State.OK, State.OK, State.OK, State.LOST]
+    assert found[-1].since_s == 2 * SPAN_S
+
+
+def test_noisy_detections_are_no_motion():
+    noisy = finding(0.6, gain=0.4, after_px=15.0)
+    assert not any(state.alarm for state in states(*[noisy] * 8))
+
+
+def test_who_sees_nobody_for_very_long_is_blind():
+    found = states(GOOD, *[BLIND] * KEPT_SPANS)
+    assert found[-2:] == [State.OK, State.BLIND]
+    assert not State.BLIND.changed
+    assert states(TURNED, TURNED, *[BLIND] * 9)[-1] is State.MOVED, "what is known stays so"
+
+
+def test_two_cameras_name_each_other():
+    one, other = finding(2.0, gain=4.0, rivals=["cam0"]), finding(2.0, gain=4.0, rivals=["cam1"])
+    spans = [
+        Span(0.0, 2.0, {"cam1": one, "cam0": other}),
+        Span(2.0, 4.0, {"cam1": one, "cam0": other}),
+    ]
+    found = judge(spans, {n: Verdict(n) for n in ("cam0", "cam1")}, Thresholds())
+    assert found["cam0"].suspects == found["cam1"].suspects == ("cam0", "cam1")
+    assert found["cam0"].sentence() == found["cam1"].sentence()
+    assert found["cam0"].sentence().startswith("cam0 or cam1 has moved")
+
+
+def test_a_span_without_a_rival_tells():
+    rival, clear = finding(2.0, gain=4.0, rivals=["cam0"]), TURNED
+    assert told(rival, clear)[-1].suspects == ()
+
+
+def test_stamps_far_from_the_others():
+    found = told(GOOD, None, None, away=[0.0, 12.0, 12.0])
+    assert [v.state for v in found] == [State.OK, State.OK, State.AWAY]
+    assert "the stamps of cam1 are 12.0 s ahead of those of the others" in found[-1].sentence()
+
+
+def test_what_the_calibration_promises(small_stages):
+    calibration = small_stages.calibration
+    names = [c.name for c in calibration.cameras]
+    found = expected_residual_px(calibration, names)
+    pair: PairResidual = calibration.pairs[0]
+    a, b = names.index(pair.camera_a), names.index(pair.camera_b)
+    assert found[a, b] == found[b, a] == pair.epipolar_rms_px
+    assert found[0, 0] == calibration.reprojection_rms_px

@@ -1,0 +1,113 @@
+"""Whole scenes under watch, with errors: what must be noticed, and what must not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from core_helpers import SMALL, changed, tracks_changed
+
+from stcalib_ros.core.model.recording import excerpt
+from stcalib_ros.core.monitoring.alarms import KEPT_SPANS, State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.matching import associate_span
+from stcalib_ros.core.monitoring.spans import SPAN_S, check_span
+from stcalib_ros.core.synthetic import CameraChange, simulate
+
+LONG = replace(SMALL, n_frames=30 * 18, keypoint_bias_mm=10.0, seed=21)
+TURN = tuple(np.radians([0.0, 2.0, 0.0]))
+BACK = tuple(-np.array(TURN))
+
+
+def watched(recording, calibration):
+    """Verdicts after every span."""
+    offsets = {c.name: c.time_offset_s for c in calibration.cameras}
+    verdicts = {c.name: Verdict(c.name) for c in calibration.cameras}
+    spans, out = [], []
+    for start_s in np.arange(0.0, recording.cameras[0].stamps[-1] - SPAN_S, SPAN_S):
+        part = excerpt(recording, start_s, start_s + SPAN_S, offsets_s=offsets)
+        span = check_span(part, calibration, start_s=start_s, end_s=start_s + SPAN_S, min_score=0.3)
+        spans = [*spans, span][-KEPT_SPANS:]
+        verdicts = judge(spans, verdicts, Thresholds())
+        out.append(verdicts)
+    return out
+
+
+def states(history, name):
+    return [verdicts[name].state for verdicts in history]
+
+
+def promising(truth, rms_px=6.0):
+    return replace(truth, reprojection_rms_px=rms_px)
+
+
+@pytest.fixture(scope="module")
+def quiet():
+    return simulate(LONG)
+
+
+def test_a_camera_that_is_turned_and_put_back():
+    scene = simulate(
+        LONG,
+        changes=[CameraChange(1, 3.0, turn_rad=TURN), CameraChange(1, 11.0, turn_rad=BACK)],
+    )
+    history = watched(scene.recording, promising(scene.truth))
+    found = states(history, "cam1")
+    first, last = found.index(State.MOVED), len(found) - 1 - found[::-1].index(State.MOVED)
+    assert SPAN_S * (first + 1) <= 3.0 + 10.0
+    assert found[last + 1 :] == [State.OK] * (len(found) - last - 1) != []
+    assert history[-1]["cam1"].since_s >= 11.0
+    for other in ("cam0", "cam2"):
+        assert set(states(history, other)) == {State.OK}
+
+
+def test_the_reference_is_watched_too():
+    scene = simulate(LONG, changes=[CameraChange(0, 3.0, turn_rad=TURN)])
+    history = watched(scene.recording, promising(scene.truth))
+    assert states(history, "cam0")[-1] is State.MOVED
+    assert {states(history, n)[-1] for n in ("cam1", "cam2")} == {State.OK}
+
+
+def test_bad_detections_are_no_motion(quiet, rng):
+    def noisy(track):
+        noise = 8.0 * rng.standard_normal(track.keypoints.shape)
+        return replace(track, keypoints=track.keypoints + noise)
+
+    recording = changed(quiet.recording, "cam1", tracks_changed(noisy))
+    history = watched(recording, promising(quiet.truth))
+    assert not any(v.state.alarm for verdicts in history for v in verdicts.values())
+
+
+def test_people_who_are_hidden_are_no_motion(quiet):
+    def hidden(track):
+        rows = track.frames % 150 < 60
+        return replace(
+            track,
+            frames=track.frames[rows],
+            keypoints=track.keypoints[rows],
+            joints=track.joints[rows],
+            scores=track.scores[rows],
+        )
+
+    recording = changed(quiet.recording, "cam2", tracks_changed(hidden))
+    history = watched(recording, promising(quiet.truth))
+    assert not any(v.state.alarm for verdicts in history for v in verdicts.values())
+
+
+def test_another_camera_in_its_place():
+    scene, other = simulate(LONG), simulate(replace(LONG, seed=22))
+    recording = changed(scene.recording, "cam1", lambda _: other.recording.cameras[1])
+    history = watched(recording, promising(scene.truth))
+    assert states(history, "cam1")[-1] is State.LOST
+    assert not any(v[n].state.alarm for v in history for n in ("cam0", "cam2"))
+
+
+def test_nobody_is_expected_where_a_camera_does_not_look(quiet):
+    R = np.diag([-1.0, 1.0, -1.0])
+    cameras = tuple(
+        replace(c, R_ref_cam=c.R_ref_cam @ R) if c.name == "cam1" else c
+        for c in quiet.truth.cameras
+    )
+    empty = changed(quiet.recording, "cam1", lambda c: replace(c, tracks=()))
+    seen = associate_span(
+        excerpt(empty, 0.0, 2.0), replace(quiet.truth, cameras=cameras), min_score=0.3
+    )
+    assert (seen.expected[1], seen.blind[1]) == (0, 0)

@@ -1,0 +1,141 @@
+"""Metres and an upright frame, through the whole calibration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from core_helpers import HALF_SECOND, error, every
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.so3 import exp_so3, log_so3
+from stcalib_ros.core.model.calibration import Status
+from stcalib_ros.core.model.rig import Rig
+from stcalib_ros.core.model.scale_cues import Distance
+from stcalib_ros.core.options import ScaleOptions
+from stcalib_ros.core.output.gravity import GravityFrame
+from stcalib_ros.core.output.world_frame import WorldAlignment
+from stcalib_ros.core.pipeline import calibrate, run_stages
+
+
+def with_scale(**scale):
+    return replace(HALF_SECOND, scale=ScaleOptions(**scale))
+
+
+@pytest.fixture(scope="module")
+def plain(small_scene):
+    """Nobody claims metres."""
+    return every(small_scene.recording, lambda c: replace(c, metric=False))
+
+
+def baseline(scene, a, b):
+    cameras = {c.name: c for c in scene.truth.cameras}
+    return float(np.linalg.norm(cameras[a].t_ref_cam - cameras[b].t_ref_cam))
+
+
+def test_a_known_distance_makes_it_metric(plain, small_scene):
+    metres = baseline(small_scene, "cam1", "cam2")
+    distance = Distance(metres, 0.005 * metres, cameras=("cam1", "cam2"))
+    result = calibrate(plain, with_scale(distances=(distance,)))
+    assert result.metric
+    assert 0.005 <= result.scale_stddev < 0.01
+    assert error(result, small_scene.truth).scale == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_height_of_people_makes_it_metric(plain, small_scene):
+    result = calibrate(plain, with_scale(body_height_m=1.72))
+    assert result.metric
+    assert 0.04 < result.scale_stddev < 0.08
+    scale = error(result, small_scene.truth).scale
+    assert abs(np.log(scale)) < 3 * result.scale_stddev
+
+
+def test_metric_poses_count_as_far_as_they_are_trusted(small_scene):
+    result = calibrate(small_scene.recording, HALF_SECOND)
+    assert result.scale_stddev == pytest.approx(0.1)
+    metres = 1.1 * baseline(small_scene, "cam0", "cam1")
+    distance = Distance(metres, 0.001 * metres, cameras=("cam0", "cam1"))
+    sure = calibrate(small_scene.recording, with_scale(distances=(distance,)))
+    assert error(sure, small_scene.truth).scale == pytest.approx(1.1, abs=0.002)
+
+
+def test_metric_poses_that_contradict_what_was_measured_are_not_believed(small_scene):
+    metres = 5.0 * baseline(small_scene, "cam0", "cam1")
+    distance = Distance(metres, 0.001 * metres, cameras=("cam0", "cam1"))
+    result = calibrate(small_scene.recording, with_scale(distances=(distance,)))
+    assert result.status is Status.OK
+    assert error(result, small_scene.truth).scale == pytest.approx(5.0)
+
+
+def test_measurements_that_contradict_each_other_are_refused(plain):
+    distances = tuple(
+        Distance(metres, 0.01, cameras=("cam0", name))
+        for name, metres in (("cam1", 1), ("cam2", 99))
+    )
+    stages = run_stages(plain, with_scale(distances=distances))
+    assert stages.calibration.status is Status.DEGENERATE
+    assert "contradict each other" in stages.calibration.message
+    assert stages.calibration.cameras
+
+
+def test_an_unknown_camera_is_refused_at_once(plain):
+    distance = Distance(1.0, 0.01, cameras=("cam0", "cam7"))
+    with pytest.raises(InputError, match="'cam7' is not in the recording"):
+        calibrate(plain, with_scale(distances=(distance,)))
+
+
+def test_an_upright_frame_is_that_of_the_world(small_scene):
+    options = replace(HALF_SECOND, world_frame="hall")
+    result = calibrate(small_scene.recording, options)
+    rig = small_scene.rig
+    assert result.frame_id == result.reference_frame == "hall"
+    for camera, R_cam_world, centre in zip(
+        result.cameras, rig.R_cam_world, rig.centres_world, strict=True
+    ):
+        lean = log_so3(camera.R_ref_cam @ R_cam_world)[:2]
+        assert np.degrees(np.linalg.norm(lean)) < 8.0
+        assert camera.t_ref_cam[2] == pytest.approx(centre[2], abs=0.5)
+    first = result.cameras[0]
+    np.testing.assert_allclose(first.t_ref_cam[:2], 0.0, atol=1e-9)
+    assert first.R_ref_cam[0, 2] > 0
+    assert first.R_ref_cam[1, 2] == pytest.approx(0.0, abs=1e-9)
+    assert np.diag(first.covariance)[[2, 3, 4]].min() > 0
+    assert first.covariance[0, 0] == first.covariance[1, 1] == 0
+
+
+def test_the_frame_does_not_change_the_cameras_among_themselves(small_scene):
+    level = calibrate(small_scene.recording, replace(HALF_SECOND, world_frame="hall"))
+    plain = calibrate(small_scene.recording, HALF_SECOND)
+    assert plain.reference_frame == "cam0_optical_frame"
+    difference = error(level, plain)
+    assert difference.E_R < 1e-9
+    assert difference.E_t < 1e-9
+
+
+def test_common_motion_is_that_of_the_frame():
+    """Against finite differences: the same points in a frame that is tilted and lifted a little."""
+    rng = np.random.default_rng(0)
+    tilted = exp_so3(np.array([0.0, 0.4, 0.0])) @ np.array([[0, 0, 1.0], [-1, 0, 0], [0, -1, 0]])
+    rig = Rig(
+        np.arange(3), exp_so3(rng.normal(size=(3, 3))), rng.normal(size=(3, 3)), np.zeros(3), 1
+    )
+    rig.R_ref_cam[0], rig.t_ref_cam[0] = np.eye(3), 0.0
+    step = 1e-6
+
+    def placed(wx, wy, dh):
+        R = exp_so3(np.array([wx, wy, 0.0])) @ tilted
+        c, s = R[:2, 2] / np.linalg.norm(R[:2, 2])
+        R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ R
+        return WorldAlignment(2.0, upright=GravityFrame(R, 1.5 + dh, np.eye(3)))
+
+    base = placed(0, 0, 0)
+    J = np.zeros((21, 3))
+    for k in range(3):
+        moved = placed(*(step * np.eye(3)[k]))
+        for c in range(3):
+            J[7 * c : 7 * c + 3, k] = (
+                moved.to_result(rig.t_ref_cam[c]) - base.to_result(rig.t_ref_cam[c])
+            ) / step
+            J[7 * c + 3 : 7 * c + 6, k] = log_so3(moved.R @ base.R.T) / step
+    np.testing.assert_allclose(base.covariance_of(rig, np.zeros((21, 21))), J @ J.T, atol=1e-4)

@@ -1,0 +1,45 @@
+"""Whether key points lean one way: the test that comes before the biases are estimated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from core_helpers import SMALL
+
+from stcalib_ros.core.pipeline import run_stages
+from stcalib_ros.core.refinement.keypoint_bias.harmonics import DEGREE_OF, DEGREES, trunk_of
+from stcalib_ros.core.refinement.keypoint_bias.solver import Problem
+from stcalib_ros.core.synthetic import simulate
+
+
+def at_start(stages):
+    """The problem of the last round of STBA, and its system without biases."""
+    last = stages.rounds[2]
+    problem = Problem(last.observations, last.state, trunk_of(stages.skeleton.layout))
+    fit = problem.start()
+    return fit, problem.eliminate(fit)
+
+
+@pytest.mark.parametrize(("bias_mm", "hint"), [(0.0, False), (5.0, True)])
+def test_biases_of_some_millimetres_leave_a_hint(bias_mm, hint):
+    scene = simulate(replace(SMALL, keypoint_bias_mm=bias_mm))
+    _, e = at_start(run_stages(scene.recording))
+    assert e.hints_at_biases() == hint
+
+
+def test_the_hint_is_the_slope_of_the_marginal_likelihood(small_stages):
+    fit, e = at_start(small_stages)
+    precision = np.diag(np.tile(1.0 / fit.variance, 3))
+    S = np.linalg.inv(e.inverse) - precision
+    assert np.allclose(np.diagonal(S, axis1=-2, axis2=-1), e.told, rtol=1e-4)
+    for degree in DEGREES:
+        mine = np.flatnonzero(np.tile(degree == DEGREE_OF, 3))
+        system, g = S[..., mine[:, None], mine], e.gradient[..., mine]
+        v = 1e-8 / np.abs(system).max()
+        inverse = np.linalg.inv(system + np.eye(len(mine)) / v)
+        volume = np.linalg.slogdet(np.eye(len(mine)) + v * system)[1].sum()
+        likelihood = 0.5 * np.einsum("pja,pjab,pjb->", g, inverse, g) - 0.5 * volume
+        slope = 0.5 * ((g**2).sum() - e.told[..., mine].sum())
+        assert likelihood / v == pytest.approx(slope, rel=1e-3)

@@ -1,0 +1,73 @@
+"""The last stage: key points that lean one way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from core_helpers import SMALL
+
+from stcalib_ros.core.bundle.covariance import pose_covariance
+from stcalib_ros.core.evaluation.metrics import evaluate
+from stcalib_ros.core.options import BundleOptions
+from stcalib_ros.core.pipeline import run_stages
+from stcalib_ros.core.refinement.keypoint_bias.stage import refine_keypoint_bias
+from stcalib_ros.core.synthetic import detector, simulate
+
+
+def other_bias(self, direction):
+    """Smooth, but neither a polynomial nor free of a constant part."""
+    along = np.einsum("jab,tb->tja", self._linear, direction) / 0.02
+    return 0.025 * np.tanh(
+        along + np.einsum("jabc,tb,tc->tja", self._square, *[direction] * 2) / 0.02
+    )
+
+
+@pytest.fixture(scope="module", params=["polynomial", "other"])
+def leaning(request):
+    """Scene and stages with key points that are off by 20 mm."""
+    options = replace(SMALL, keypoint_bias_mm=20.0, seed=7)
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "other":
+            patch.setattr(detector.DetectorBias, "__call__", other_bias)
+        scene = simulate(options)
+    return scene, run_stages(scene.recording)
+
+
+def test_biases_are_found_and_taken_out(leaning):
+    scene, stages = leaning
+    before, after = stages.rounds[-2:]
+    assert after.median_px < 0.7 * before.median_px
+    errors = evaluate(stages.calibration, scene.truth, fps=30.0)
+    plain = error_of(stages, before, scene)
+    assert errors.E_R < 0.6 * plain.E_R
+    assert errors.E_t < 0.8 * plain.E_t
+
+
+def error_of(stages, one, scene):
+    """What the result would be with the poses of another round."""
+    cameras = tuple(
+        replace(c, R_ref_cam=R, t_ref_cam=stages.placement.unit * t)
+        for c, R, t in zip(
+            stages.calibration.cameras, one.rig.R_ref_cam, one.rig.t_ref_cam, strict=True
+        )
+    )
+    return evaluate(replace(stages.calibration, cameras=cameras), scene.truth, fps=30.0)
+
+
+def test_without_biases_nothing_changes(small_stages):
+    last = small_stages.rounds[-1]
+    layout = small_stages.skeleton.layout
+    assert refine_keypoint_bias(small_stages.lifted, last, layout, BundleOptions()) is None
+
+
+def test_unknown_biases_are_part_of_the_covariance(leaning):
+    _, stages = leaning
+    last = stages.rounds[-1]
+    known = np.diag(pose_covariance(last.observations, last.state))
+    unit = stages.placement.unit
+    scale = np.tile([unit] * 3 + [1.0] * 4, len(last.rig.cameras))
+    found = np.sqrt(np.diag(stages.calibration.joint_covariance)) / scale
+    assert (found >= np.sqrt(known) - 1e-12).all()
+    assert (found[7:] > 1.2 * np.sqrt(known)[7:]).any()

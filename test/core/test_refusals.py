@@ -1,0 +1,261 @@
+"""Recordings that cannot be calibrated, or only in part, and what is said about them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from core_helpers import (
+    HALF_SECOND,
+    SMALL,
+    changed,
+    clock_shifted,
+    error,
+    every,
+    tracks_changed,
+)
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.recording import CameraRecording, Recording, Track
+from stcalib_ros.core.pipeline import calibrate
+from stcalib_ros.core.synthetic import Scene, SceneOptions, scene, simulate
+
+FOUR = replace(SMALL, n_cameras=4, n_frames=100)
+
+
+@pytest.fixture(scope="module")
+def four() -> Scene:
+    return simulate(FOUR)
+
+
+@pytest.fixture(scope="module")
+def strangers() -> Scene:
+    return simulate(replace(FOUR, seed=77))
+
+
+def verdict(recording: Recording) -> Calibration:
+    calibration = calibrate(recording, HALF_SECOND)
+    assert "\n" not in calibration.message
+    assert calibration.message
+    if calibration.status is not Status.OK:
+        return calibration
+    named = [c.name for c in (*calibration.cameras, *calibration.uncalibrated)]
+    assert sorted(named) == sorted(c.name for c in recording.cameras)
+    assert calibration.reference in [c.name for c in calibration.cameras]
+    assert len(calibration.cameras) >= 2
+    return calibration
+
+
+def reasons(calibration):
+    return {c.name: c.reason for c in calibration.uncalibrated}
+
+
+def first(n):
+    """A camera that recorded n images only."""
+
+    def part(track: Track) -> Track:
+        rows = track.frames < n
+        return Track(
+            track.track_id,
+            track.frames[rows],
+            track.keypoints[rows],
+            track.joints[rows],
+            track.scores[rows],
+        )
+
+    def change(camera: CameraRecording) -> CameraRecording:
+        tracks = tuple(part(t) for t in camera.tracks)
+        return replace(camera, stamps=camera.stamps[:n], tracks=tracks)
+
+    return change
+
+
+def assert_the_rest_is_calibrated(calibration, truth, names):
+    assert calibration.status is Status.OK, calibration.message
+    assert [c.name for c in calibration.cameras] == names
+    e = error(calibration, truth)
+    assert e.E_R < 0.01
+    assert e.E_t < 0.02
+    assert calibration.message.startswith(f"{len(names)} of 4 cameras calibrated; ")
+
+
+# Nothing to be had
+
+
+def test_one_camera(four):
+    calibration = verdict(replace(four.recording, cameras=four.recording.cameras[:1]))
+    assert calibration.status is Status.INSUFFICIENT_DATA
+    assert "at least two that see the same people" in calibration.message
+    assert calibration.cameras == ()
+    assert np.isnan(calibration.reprojection_rms_px)
+
+
+def test_two_cameras_of_one_name(four):
+    twice = replace(four.recording, cameras=four.recording.cameras[:1] * 2)
+    with pytest.raises(InputError, match="two cameras are called 'cam0'"):
+        calibrate(twice)
+
+
+def test_an_unknown_reference(four):
+    with pytest.raises(InputError, match="'door' is not in the recording: there are cam0, cam1"):
+        calibrate(four.recording, replace(HALF_SECOND, reference="door"))
+
+
+def test_clocks_an_hour_apart(four):
+    cameras = tuple(clock_shifted(3600.0 * k)(c) for k, c in enumerate(four.recording.cameras))
+    calibration = verdict(replace(four.recording, cameras=cameras))
+    assert calibration.status is Status.INSUFFICIENT_DATA
+    assert "does not overlap" in calibration.message
+    assert set(reasons(calibration)) == {"cam1", "cam2", "cam3"}
+
+
+def test_fewer_than_twelve_common_frames(four):
+    calibration = verdict(every(four.recording, first(11)))
+    assert calibration.status is Status.INSUFFICIENT_DATA
+    assert "fewer than 12 in common" in calibration.message
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("switches", [0.0, 1.0])
+def test_nobody_moving(seed, switches):
+    still = simulate(replace(FOUR, people="standing", seed=seed, id_switches_per_10s=switches))
+    calibration = verdict(still.recording)
+    assert calibration.status is Status.DEGENERATE
+    assert "move" in calibration.message
+
+
+def test_nothing_seen_by_anybody(four):
+    def unseen(track):
+        return replace(track, keypoints=np.full_like(track.keypoints, np.nan))
+
+    calibration = verdict(every(four.recording, tracks_changed(unseen)))
+    assert calibration.status is Status.INSUFFICIENT_DATA
+    assert "no person with enough key points" in calibration.message
+
+
+# A part of it
+
+
+def without(names, *left_out):
+    return [n for n in names if n not in left_out]
+
+
+ALL = ["cam0", "cam1", "cam2", "cam3"]
+
+
+@pytest.mark.parametrize("k", range(4))
+def test_a_camera_that_watches_other_people(four, strangers, k):
+    cameras = list(four.recording.cameras)
+    cameras[k] = strangers.recording.cameras[k]
+    calibration = verdict(replace(four.recording, cameras=tuple(cameras)))
+    assert_the_rest_is_calibrated(calibration, four.truth, without(ALL, f"cam{k}"))
+    assert reasons(calibration)[f"cam{k}"]
+
+
+def test_two_groups_of_cameras(four, strangers):
+    cameras = (*four.recording.cameras[:2], *strangers.recording.cameras[2:])
+    calibration = verdict(replace(four.recording, cameras=cameras))
+    assert_the_rest_is_calibrated(calibration, four.truth, ["cam0", "cam1"])
+    for name, other in (("cam2", "cam3"), ("cam3", "cam2")):
+        assert f"forms a separate group with {other}" in reasons(calibration)[name]
+
+
+def nothing_seen(camera):
+    unseen = tracks_changed(lambda t: replace(t, keypoints=np.full_like(t.keypoints, np.nan)))
+    return unseen(camera)
+
+
+def no_poses(camera):
+    unknown = tracks_changed(lambda t: replace(t, joints=np.full_like(t.joints, np.nan)))
+    return unknown(camera)
+
+
+@pytest.mark.parametrize("name", ["cam0", "cam2"])
+@pytest.mark.parametrize(
+    "change",
+    [nothing_seen, no_poses, lambda c: replace(c, tracks=())],
+    ids=["no key points", "no poses", "no tracks"],
+)
+def test_a_camera_that_saw_nobody(four, name, change):
+    calibration = verdict(changed(four.recording, name, change))
+    assert_the_rest_is_calibrated(calibration, four.truth, without(ALL, name))
+    assert "no person" in reasons(calibration)[name]
+    assert calibration.reference == ("cam1" if name == "cam0" else "cam0")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (clock_shifted(3600.0), "does not overlap"),
+        (first(11), "only 11 images"),
+        (first(0), "no person"),
+    ],
+    ids=["clock", "eleven images", "no image"],
+)
+def test_a_camera_that_cannot_be_compared(four, change, says):
+    calibration = verdict(changed(four.recording, "cam3", change))
+    assert_the_rest_is_calibrated(calibration, four.truth, without(ALL, "cam3"))
+    assert says in reasons(calibration)["cam3"]
+
+
+def test_an_offset_beyond_the_range_is_found_or_the_camera_is_left_out(four):
+    calibration = verdict(changed(four.recording, "cam3", clock_shifted(1.8)))
+    if reasons(calibration):
+        assert_the_rest_is_calibrated(calibration, four.truth, without(ALL, "cam3"))
+        return
+    assert_the_rest_is_calibrated(calibration, four.truth, ALL)
+    true = four.truth.cameras[3].time_offset_s - 1.8
+    assert calibration.cameras[3].time_offset_s == pytest.approx(true, abs=0.01)
+
+
+# Never a wrong one that is called right
+
+
+def assert_never_wrong_and_ok(options: SceneOptions, n: int) -> list[Status]:
+    statuses = []
+    for seed in range(n):
+        hard = simulate(replace(options, seed=seed))
+        calibration = calibrate(hard.recording, HALF_SECOND)
+        statuses.append(calibration.status)
+        if calibration.status is Status.OK:
+            e = error(calibration, hard.truth)
+            assert e.E_R < 0.1, (seed, e)
+            assert e.E_delta < 1.0, (seed, e)
+    return statuses
+
+
+def test_short_clips_with_bad_poses_are_right_or_not_ok():
+    hard = SceneOptions(n_frames=40, n_people=2, lifter_mm=(110.0, 110.0))
+    statuses = assert_never_wrong_and_ok(hard, 6)
+    assert statuses.count(Status.OK) >= 3
+
+
+def test_people_who_move_identically_are_told_apart_or_it_is_not_ok(monkeypatch):
+    real = scene.make_people
+
+    def identical(*args):
+        one, *others = real(*args)
+
+        def displaced(k):
+            return lambda times: one(times) + np.array([1.1 * k, 0.4 * k, 0.0])
+
+        return (one, *(displaced(k + 1) for k in range(len(others))))
+
+    monkeypatch.setattr(scene, "make_people", identical)
+    assert_never_wrong_and_ok(SceneOptions(n_frames=80, n_people=2), 5)
+
+
+# Recordings at the edge
+
+
+def test_no_camera_at_all():
+    with pytest.raises(InputError, match="no camera"):
+        calibrate(Recording(()), HALF_SECOND)
+
+
+@pytest.mark.parametrize("n", [12, 15])
+def test_people_who_walk_in_a_short_clip_are_not_said_to_stand(n):
+    short = every(simulate(replace(SMALL, n_cameras=4)).recording, first(n))
+    assert "nobody moves" not in calibrate(short, HALF_SECOND).message

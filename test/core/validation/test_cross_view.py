@@ -1,0 +1,73 @@
+"""How cameras and monocular poses agree, and what shows that they do not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stcalib_ros.core.geometry.so3 import exp_so3
+from stcalib_ros.core.validation.cross_view import (
+    bone_rotations,
+    depth_ratios,
+    depth_scale,
+    matches_of,
+    pair_residuals,
+)
+
+
+@pytest.fixture(scope="module")
+def last(small_stages):
+    return small_stages.rounds[-1]
+
+
+def test_a_turned_camera_contradicts_its_bones(small_stages, last):
+    R = last.rig.R_ref_cam.copy()
+    R[2] = R[2] @ exp_so3(np.array([0.0, 0.8, 0.0]))
+    turned = replace(last, rig=replace(last.rig, R_ref_cam=R))
+    angle = bone_rotations(small_stages.lifted, small_stages.skeleton, turned)
+    np.testing.assert_allclose(angle[2, :2], 0.8, atol=0.1)
+    assert angle[0, 1] < 0.1
+    np.testing.assert_array_equal(angle, angle.T)
+
+
+def test_a_camera_further_away_contradicts_the_size_of_people(small_stages, last):
+    t = last.state.t_cam_ref.copy()
+    t[1, 2] += 8.0
+    far = replace(last, state=replace(last.state, t_cam_ref=t))
+    before, after = (depth_ratios(small_stages.lifted, one) for one in (last, far))
+    assert after[1] > 2 * before[1]
+    np.testing.assert_allclose(after[[0, 2]], before[[0, 2]])
+
+
+def test_the_scale_is_that_of_the_people(small_stages, small_scene, last):
+    factor = depth_scale(small_stages.lifted, last)
+    found = np.linalg.norm(last.rig.t_ref_cam[1]) * factor
+    true = np.linalg.norm(small_scene.truth.cameras[1].t_ref_cam)
+    assert found == pytest.approx(true, rel=0.1)
+
+
+def test_matches_are_the_true_ones(small_scene, small_stages, last):
+    names = [c.name for c in small_stages.lifted]
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        for p, q in matches_of(last, a, b):
+            person = [
+                small_scene.track_persons[names[c]][small_stages.lifted[c].tracks[k].track_id][0]
+                for c, k in ((a, p), (b, q))
+            ]
+            assert person[0] == person[1]
+
+
+def test_pairs_report_angles_and_distances(small_stages, last):
+    pairs = pair_residuals(small_stages.lifted, small_stages.skeleton, last)
+    assert [(p.camera_a, p.camera_b) for p in pairs] == [
+        ("cam0", "cam1"),
+        ("cam0", "cam2"),
+        ("cam1", "cam2"),
+    ]
+    for pair in pairs:
+        assert pair.n_matches == 2
+        assert 0.02 < pair.median_angle_rad < 0.3
+        # Of 3 px per axis two views show what is across the epipolar lines.
+        assert pair.epipolar_rms_px == pytest.approx(3.0, rel=0.25)

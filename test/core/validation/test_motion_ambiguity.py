@@ -1,0 +1,84 @@
+"""Steps that repeat, people who move alike, one line: named where they are, and only there."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from core_helpers import HALF_SECOND, SMALL
+
+from stcalib_ros.core.model.calibration import Status
+from stcalib_ros.core.pipeline import run_stages
+from stcalib_ros.core.synthetic import SceneOptions, scene, simulate
+from stcalib_ros.core.validation.motion_ambiguity import Ambiguity, find_ambiguity, on_a_line
+
+PERIOD_S = 0.8
+
+
+def ambiguity_of(stages):
+    return find_ambiguity(stages.lifted, stages.skeleton, stages.rounds[-1])
+
+
+def made_of(monkeypatch, change):
+    """People changed on the way into the simulated scene."""
+    real = scene.make_people
+    monkeypatch.setattr(scene, "make_people", lambda *args: change(real(*args)))
+
+
+def repeating(person):
+    """Somebody who does the same things again and again, forth and back, at one place."""
+
+    def joints(times):
+        phase = np.cos(2 * np.pi * times / PERIOD_S)
+        return person(0.4 * (1.0 + phase))
+
+    return joints
+
+
+def test_usual_people_leave_nothing_open(small_stages):
+    found = ambiguity_of(small_stages)
+    assert found == Ambiguity()
+    assert found.sentences() == []
+
+
+def test_motion_that_repeats_itself_is_named_with_its_period(monkeypatch):
+    made_of(monkeypatch, lambda people: tuple(repeating(person) for person in people))
+    stages = run_stages(simulate(replace(SMALL, n_people=1, n_frames=120)).recording, HALF_SECOND)
+    calibration = stages.calibration
+    assert calibration.status is Status.DEGENERATE
+    assert ambiguity_of(stages).periods_s == pytest.approx((PERIOD_S,), abs=0.04)
+    assert "everybody's motion repeats itself after 0.8" in calibration.message
+    assert not ambiguity_of(stages).alike
+
+
+def test_one_who_does_not_repeat_himself_is_enough(monkeypatch):
+    made_of(monkeypatch, lambda people: (repeating(people[0]), *people[1:]))
+    stages = run_stages(simulate(replace(SMALL, n_frames=120)).recording, HALF_SECOND)
+    assert stages.calibration.status is Status.OK
+    assert ambiguity_of(stages).periods_s == ()
+
+
+def test_people_who_move_alike_are_named(monkeypatch):
+    def identical(people):
+        one = people[0]
+        shifts = [np.array([1.2 * k, 0.4 * k, 0.0]) for k in range(3)]
+        return (one, *((lambda times, s=s: one(times) + s) for s in shifts[1:]))
+
+    made_of(monkeypatch, identical)
+    recording = simulate(SceneOptions(n_people=3, n_frames=60, seed=1)).recording
+    stages = run_stages(recording, HALF_SECOND)
+    assert stages.calibration.status is Status.DEGENERATE
+    assert re.search(r"persons .*0 and 1.* move alike", stages.calibration.message)
+    people = {person.person_id for person in stages.calibration.persons}
+    assert {p for pair in ambiguity_of(stages).alike for p in pair} <= people
+
+
+def test_people_on_one_line_are_noticed(small_stages):
+    standing = SceneOptions(n_people=2, people="gesturing", n_frames=120, seed=6001)
+    stages = run_stages(simulate(standing).recording, HALF_SECOND)
+    assert on_a_line(stages.rounds[-1])
+    assert not on_a_line(small_stages.rounds[-1])
+    assert "one line" in " ".join(ambiguity_of(stages).sentences())
+    assert "one line" not in small_stages.calibration.message
