@@ -137,7 +137,7 @@ class CameraBuffer:
         try:
             _require_info_bounds(message, topic)
             info = camera_info_fields(message)
-            lens(info, rectified=False, topic=topic)
+            self._require_lens(info)
         except (InputError, ValueError, TypeError) as error:
             self._drop(str(error))
             return
@@ -152,6 +152,16 @@ class CameraBuffer:
         """Change the bounds; what they no longer allow is forgotten."""
         self.limits = limits
         self._follower.set_limits(limits)
+
+    def _require_lens(self, info: CameraInfoFields) -> None:
+        """Demand intrinsics of the image that the keypoints are in: the raw or the rectified one.
+
+        The pose messages say which; before the first of them, either will do.
+        """
+        choices = (self.images[-1].rectified,) if self.images else (False, True)
+        problems = [_lens_problem(info, rectified, self.camera.info_topic) for rectified in choices]
+        if all(problems):
+            raise InputError(problems[0])
 
     def settle(self) -> None:
         """Take over a change that has proved to be one by now."""
@@ -394,6 +404,15 @@ def _require_info_bounds(message: Any, topic: str) -> None:
     numbers = np.concatenate([np.asarray(getattr(message, f), dtype=float) for f in "dkrp"])
     if not np.isfinite(numbers).all():
         raise InputError(f"{topic}: CameraInfo has numbers that are not finite")
+
+
+def _lens_problem(info: CameraInfoFields, rectified: bool, topic: str) -> str:
+    """Why a CameraInfo has no usable intrinsics of that image; empty if it has."""
+    try:
+        lens(info, rectified=rectified, topic=topic)
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def _lens_change(topic: str, before: CameraInfoFields | None, after: CameraInfoFields) -> str:
