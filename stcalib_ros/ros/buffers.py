@@ -22,6 +22,7 @@ from stcalib_ros.io.messages import (
     lens,
     pose_image,
 )
+from stcalib_ros.io.stamps import SAME_CLOCK, ClockCorrection
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.streams import MAX_TEXT, Follower, Limits
 
@@ -327,7 +328,7 @@ class Buffers:
         *,
         start_s: float = -math.inf,
         end_s: float = math.inf,
-        offsets_s: Mapping[str, float] | None = None,
+        clocks: Mapping[str, ClockCorrection] | None = None,
     ) -> list[CameraImages]:
         """What `stcalib_ros.io.assemble.assemble_recording` takes: a copy that stays as it is.
 
@@ -337,19 +338,20 @@ class Buffers:
             Cameras to use; none: all.
         start_s, end_s : float
             First and last stamp to use, seconds, by the reference clock.
-        offsets_s : mapping of str to float, optional
-            What to add to a camera's stamps to have the reference clock; 0 where it is unknown.
+        clocks : mapping of str to ClockCorrection, optional
+            From a camera's clock to the reference clock; they agree where this is unknown.
 
         Returns
         -------
         list of CameraImages
             Of the cameras that have images and a lens, in the order of the configuration.
         """
-        wanted, offsets = frozenset(names), offsets_s or {}
+        wanted = frozenset(names)
         out = []
         with self._settled() as buffers:
             for name, buffer in buffers.items():
-                low, high = start_s - offsets.get(name, 0.0), end_s - offsets.get(name, 0.0)
+                clock = (clocks or {}).get(name, SAME_CLOCK)
+                low, high = clock.camera_time(start_s), clock.camera_time(end_s)
                 images = [i for i in buffer.images if low <= i.stamp_ns / NS <= high]
                 if images and buffer.info is not None and (not wanted or name in wanted):
                     out.append(_camera_images(buffer.camera, images, buffer.info))

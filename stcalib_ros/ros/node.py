@@ -27,6 +27,7 @@ from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.core.monitoring.replacement import should_replace
 from stcalib_ros.io.history import History, Kept
+from stcalib_ros.io.stamps import SAME_CLOCK, ClockCorrection, corrections_of
 from stcalib_ros.msg import CalibrationResult, PersonPose3DArray
 from stcalib_ros.ros.buffers import Buffers, Counts
 from stcalib_ros.ros.convert import calibration_result, message_of, time_message
@@ -87,6 +88,7 @@ class Calibrator:
         self.buffers = Buffers(self.settings.cameras, self.settings.limits, self._say)
         self.history = History(self.settings.results_folder, keep=self.settings.keep_results)
         self.in_force: Kept | None = None
+        self._clocks: Mapping[str, ClockCorrection] = {}
         self._in_force_run = self._last_run = self._last_status = self._last_message = ""
         self._last_took_s = self._last_ended_s = math.nan
         self.run: Run | None = None
@@ -140,9 +142,7 @@ class Calibrator:
             )
         if start_s == -math.inf:
             start_s = self.watcher.changed_s
-        images = self.buffers.snapshot(
-            names, start_s=start_s, end_s=end_s, offsets_s=self._offsets()
-        )
+        images = self.buffers.snapshot(names, start_s=start_s, end_s=end_s, clocks=self._clocks)
         if len(images) < 2:
             there = ", ".join(c.name for c in images) or "none"
             return failure(
@@ -169,7 +169,7 @@ class Calibrator:
         if self.in_force is None:
             raise InputError("there is no calibration in force to go back from")
         earlier = self.history.before(self.in_force.number)
-        self._require_own_cameras(earlier)
+        self._require_usable(earlier)
         self.history.withdraw_after(earlier.number)
         self._put_in_force(earlier, _saved_run(earlier))
         return f"calibration {earlier.number} is in force again"
@@ -226,14 +226,16 @@ class Calibrator:
             kept = self.history.latest()
             if kept is None:
                 return
-            self._require_own_cameras(kept)
+            self._require_usable(kept)
         except InputError as error:
             self.log.error(f"the saved calibration is not used: {error}")
             return
         self.log.info(f"calibration {kept.number} of {self.history.folder} is in force")
         self._put_in_force(kept, _saved_run(kept))
 
-    def _require_own_cameras(self, kept: Kept) -> None:
+    def _require_usable(self, kept: Kept) -> None:
+        """Demand a calibration of our cameras, with clocks that run forwards."""
+        corrections_of(kept.calibration)
         names = {camera.name for camera in self.settings.cameras}
         if others := [c.name for c in kept.calibration.cameras if c.name not in names]:
             raise InputError(
@@ -243,6 +245,7 @@ class Calibrator:
 
     def _put_in_force(self, kept: Kept, run_id: str) -> None:
         self.in_force, self._in_force_run = kept, run_id
+        self._clocks = corrections_of(kept.calibration)
         self._trigger.settle(True)
         self._begin_watch()
         self._publishers.publish(kept.calibration, self.message(kept.calibration, run_id))
@@ -329,7 +332,11 @@ class Calibrator:
         """Calibrate unasked, if what was seen, since something happened, is worth it."""
         since_s = self.watcher.changed_s
         moving = {
-            name: frozenset(second for second in seconds if second >= since_s)
+            name: frozenset(
+                second
+                for second in seconds
+                if second >= self._clocks.get(name, SAME_CLOCK).camera_time(since_s)
+            )
             for name, seconds in self.buffers.moving().items()
         }
         ready = frozenset(
@@ -389,10 +396,6 @@ class Calibrator:
             self._begin_watch()
         self.buffers.set_limits(settings.limits)
         return SetParametersResult(successful=True)
-
-    def _offsets(self) -> dict[str, float]:
-        cameras = () if self.in_force is None else self.in_force.calibration.cameras
-        return {camera.name: camera.time_offset_s for camera in cameras}
 
     def _rates(self) -> dict[str, float]:
         return {name: counts.rate_hz for name, counts in self.buffers.counts().items()}

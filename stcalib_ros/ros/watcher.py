@@ -15,6 +15,7 @@ from stcalib_ros.core.monitoring.alarms import KEPT_SPANS, State, Thresholds, Ve
 from stcalib_ros.core.monitoring.spans import SPAN_S, Span, check_span
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
 from stcalib_ros.io.messages import NS
+from stcalib_ros.io.stamps import SAME_CLOCK, ClockCorrection, corrections_of
 
 _LATE_S = 3.0
 """Images that come so much later than those of other cameras are waited for."""
@@ -37,6 +38,7 @@ class Watcher:
         self._warn = warn
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="watch")
         self._calibration: Calibration | None = None
+        self._clocks: Mapping[str, ClockCorrection] = {}
         self._verdicts: dict[str, Verdict] = {}
         self._spans: list[Span] = []
         self._pending: Future[Span] | None = None
@@ -65,7 +67,14 @@ class Watcher:
         return "; ".join(verdict.sentence() for verdict in changed.values())
 
     def begin(self, calibration: Calibration | None) -> None:
-        """Watch another calibration from now on, or none."""
+        """Watch another calibration from now on, or none.
+
+        Raises
+        ------
+        InputError
+            A clock of the calibration stands still or runs backwards.
+        """
+        self._clocks = {} if calibration is None else corrections_of(calibration)
         self._calibration, self._pending, self._spans = calibration, None, []
         cameras = () if calibration is None else calibration.cameras
         self._verdicts = {camera.name: Verdict(camera.name) for camera in cameras}
@@ -91,11 +100,10 @@ class Watcher:
         if self._calibration is None or self._pending is not None:
             return
         images = snapshot()
-        offsets = {camera.name: camera.time_offset_s for camera in self._calibration.cameras}
         newest = {
-            c.name: c.images[-1].stamp_ns / NS + offsets[c.name]
+            c.name: self._clocks[c.name].apply(c.images[-1].stamp_ns) / NS
             for c in images
-            if c.name in offsets and arriving[c.name] <= _ARRIVING_S
+            if c.name in self._clocks and arriving[c.name] <= _ARRIVING_S
         }
         if len(newest) < 2:
             return
@@ -109,7 +117,10 @@ class Watcher:
         if end_s > start_s + 2.0 * SPAN_S:
             start_s = end_s - SPAN_S
         self._looked_until_s = start_s + SPAN_S
-        parts = [_part(c, start_s, start_s + SPAN_S, offsets.get(c.name, 0.0)) for c in images]
+        parts = [
+            _part(c, start_s, start_s + SPAN_S, self._clocks.get(c.name, SAME_CLOCK))
+            for c in images
+        ]
         self._pending = self._thread.submit(
             _examined,
             [part for part in parts if part.images],
@@ -153,8 +164,10 @@ def _lead(name: str, newest_s: Mapping[str, float]) -> float:
     return newest_s[name] - float(np.median(list(newest_s.values())))
 
 
-def _part(camera: CameraImages, start_s: float, end_s: float, offset_s: float) -> CameraImages:
-    first, last = round((start_s - offset_s) * NS), round((end_s - offset_s) * NS)
+def _part(
+    camera: CameraImages, start_s: float, end_s: float, clock: ClockCorrection
+) -> CameraImages:
+    first, last = (round(clock.camera_time(t) * NS) for t in (start_s, end_s))
     return replace(camera, images=[i for i in camera.images if first <= i.stamp_ns < last])
 
 
