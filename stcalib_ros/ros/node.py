@@ -41,7 +41,7 @@ from stcalib_ros.ros.diagnostics import (
 )
 from stcalib_ros.ros.intake import Intake, Take
 from stcalib_ros.ros.load import Meter
-from stcalib_ros.ros.parameters import declare, settings_from
+from stcalib_ros.ros.parameters import Settings, declare, settings_from
 from stcalib_ros.ros.publishers import Publishers, latched
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
 from stcalib_ros.ros.running import spin_until, stop_on_signals
@@ -105,7 +105,8 @@ class Calibrator:
         self.services = Services(self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(1.0, self._meter.timed(self._every_second), clock=steady)
-        node.add_on_set_parameters_callback(self._change_parameters)
+        node.add_on_set_parameters_callback(self._validate_parameters)
+        node.add_post_set_parameters_callback(self._apply_parameters)
         self._load()
 
     def start(
@@ -383,19 +384,25 @@ class Calibrator:
         self._diagnostics.publish(array)
         return lacks
 
-    def _change_parameters(self, changes: Iterable[Any]) -> SetParametersResult:
-        """Take over what changes at run time; those that are fixed never come here."""
-        changed = {p.name: p.value for p in changes if p.name in self._values}
-        values = self._values | changed
+    def _validate_parameters(self, changes: Iterable[Any]) -> SetParametersResult:
+        """Say whether parameters can be changed; those that are read-only never come here."""
         try:
-            settings = settings_from(values, node_name=self.node.get_fully_qualified_name())
+            self._settings_after(changes)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        before, self.settings, self._values = self.settings, settings, values
-        if settings.watch != before.watch:
-            self._begin_watch()
-        self.buffers.set_limits(settings.limits)
         return SetParametersResult(successful=True)
+
+    def _apply_parameters(self, changes: Iterable[Any]) -> None:
+        """Act on parameters that have changed, after everybody has agreed."""
+        before = self.settings
+        self._values, self.settings = self._settings_after(changes)
+        if self.settings.watch != before.watch:
+            self._begin_watch()
+        self.buffers.set_limits(self.settings.limits)
+
+    def _settings_after(self, changes: Iterable[Any]) -> tuple[dict[str, Any], Settings]:
+        values = self._values | {p.name: p.value for p in changes if p.name in self._values}
+        return values, settings_from(values, node_name=self.node.get_fully_qualified_name())
 
     def _rates(self) -> dict[str, float]:
         return {name: counts.rate_hz for name, counts in self.buffers.counts().items()}
