@@ -152,10 +152,11 @@ class Calibrator:
                 f"is {there}; /diagnostics tells what the others wait for",
             )
         run = Run(uuid.uuid4().hex[:12], Future(), feedback)
+        wrong = self.watcher.complaint if start_s >= self.watcher.changed_s else ""
+        if not self.worker.start(Job(run.run_id, images, self.settings.options, requested, wrong)):
+            return failure(Status.CANCELLED, "not started: the solver has not ended yet")
         self.run = run
         self.log.info(f"run {run.run_id} starts with {', '.join(c.name for c in images)}")
-        wrong = self.watcher.complaint if start_s >= self.watcher.changed_s else ""
-        self.worker.start(Job(run.run_id, images, self.settings.options, requested, wrong))
         self._publish_diagnostics()
         return run
 
