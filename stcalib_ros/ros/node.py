@@ -8,8 +8,8 @@ import os
 import sys
 import time
 import uuid
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -45,24 +45,13 @@ from stcalib_ros.ros.parameters import Settings, declare, settings_from
 from stcalib_ros.ros.publishers import Publishers, latched
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
 from stcalib_ros.ros.running import spin_until, stop_on_signals
-from stcalib_ros.ros.services import Services
+from stcalib_ros.ros.services import Feedback, Run, Services
 from stcalib_ros.ros.watcher import Watcher
-from stcalib_ros.ros.worker import Job, Outcome, Step, Worker, failure
+from stcalib_ros.ros.worker import Job, Outcome, Worker, failure
 
 _REPEAT_S = 5.0
 _REPEAT_STARVED_S = 30.0
 _STOP_S = 1.0
-
-Feedback = Callable[[Step], None]
-
-
-@dataclass(slots=True, eq=False)
-class Run:
-    """A run under way: its name, its result to come, and whom to tell of its progress."""
-
-    run_id: str
-    result: Future
-    feedback: Feedback | None
 
 
 class Calibrator:
@@ -102,7 +91,7 @@ class Calibrator:
         self._lost = self._intake.lost()
         self._latched: set[str] = set()
         self._subscribe()
-        self.services = Services(self)
+        self.services = Services(node, self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(1.0, self._meter.timed(self._every_second), clock=steady)
         node.add_on_set_parameters_callback(self._validate_parameters)
@@ -175,6 +164,22 @@ class Calibrator:
         self.history.withdraw_after(earlier.number)
         self._put_in_force(earlier, _saved_run(earlier))
         return f"calibration {earlier.number} is in force again"
+
+    def cancel(self) -> None:
+        """Cancel the run in progress."""
+        self.worker.cancel()
+
+    def save(self, path: str) -> Path:
+        """Write the calibration in force to a file below the results folder.
+
+        Raises
+        ------
+        InputError
+            There is none yet, or the path cannot be written to.
+        """
+        if self.in_force is None:
+            raise InputError("there is no calibration to save yet")
+        return self.history.export(self.in_force.calibration, path)
 
     def message(self, calibration: Calibration, run_id: str) -> CalibrationResult:
         """Message of a calibration, stamped with the end of its data; of a failure, with now."""
