@@ -163,10 +163,10 @@ class Services:
             goal.abort()
             return Calibrate.Result(result=self._calibrator.message(run, ""))
         result = await run.result
-        if goal.is_cancel_requested:
-            goal.canceled()
-        elif result.status == int(Status.OK):
+        if result.status == int(Status.OK):
             goal.succeed()
+        elif goal.is_cancel_requested and result.status == int(Status.CANCELLED):
+            goal.canceled()
         else:
             goal.abort()
         return Calibrate.Result(result=result)
