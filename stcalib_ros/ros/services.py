@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from stcalib_ros.action import Calibrate
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, Status
-from stcalib_ros.ros.worker import Step
+from stcalib_ros.ros.worker import Step, failure
 from stcalib_ros.srv import Recalibrate, SaveCalibration
 
 Feedback = Callable[[Step], None]
@@ -83,6 +83,7 @@ class Services:
 
     def __init__(self, node: Any, calibrator: Calibrator) -> None:
         self._calibrator = calibrator
+        self._running: Any = None
         long = ReentrantCallbackGroup()
         node.create_service(Recalibrate, "~/recalibrate", self._recalibrate, callback_group=long)
         node.create_service(Trigger, "~/recalibrate_now", self._recalibrate_now)
@@ -145,24 +146,30 @@ class Services:
         return response
 
     async def _calibrate(self, goal: Any) -> Any:
-        def tell(step: Step) -> None:
+        def publish(step: Step) -> None:
             goal.publish_feedback(
                 Calibrate.Feedback(
                     stage=step.stage, progress=step.fraction, reprojection_rms_px=step.rms_px
                 )
             )
 
+        if goal.is_cancel_requested:
+            goal.canceled()
+            never = failure(Status.CANCELLED, "cancelled before the run started")
+            return Calibrate.Result(result=self._calibrator.message(never, ""))
         request = goal.request
         run = self._calibrator.start(
             cameras=request.cameras,
             start_s=_bound(request.start, -math.inf),
             end_s=_bound(request.end, math.inf),
-            feedback=tell,
+            feedback=publish,
         )
         if isinstance(run, Calibration):
             goal.abort()
             return Calibrate.Result(result=self._calibrator.message(run, ""))
+        self._running = goal
         result = await run.result
+        self._running = None
         if result.status == int(Status.OK):
             goal.succeed()
         elif goal.is_cancel_requested and result.status == int(Status.CANCELLED):
@@ -171,8 +178,10 @@ class Services:
             goal.abort()
         return Calibrate.Result(result=result)
 
-    def _cancel(self, _goal: Any) -> Any:
-        self._calibrator.cancel()
+    def _cancel(self, goal: Any) -> Any:
+        """Accept; a goal whose run is not in progress has none to cancel."""
+        if self._running is not None and goal == self._running:
+            self._calibrator.cancel()
         return CancelResponse.ACCEPT
 
 

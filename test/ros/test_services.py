@@ -103,3 +103,75 @@ def test_a_goal_that_is_cancelled_reports_what_came_of_its_run(
     assert calibrator.cancelled == 1
     calibrator.end(status)
     assert ended(client, goal) == (goal_status, int(status))
+
+
+class Server:
+    """Takes the place of rclpy's action server: the test calls back, in an order of its own."""
+
+    def __init__(self, _node: Any, _kind: Any, _name: str, execute: Any, **given: Any) -> None:
+        self.execute, self.cancel = execute, given["cancel_callback"]
+
+    def destroy(self) -> None:
+        pass
+
+
+class Goal:
+    """A goal that was accepted and not executed yet."""
+
+    request = Calibrate.Goal()
+
+    def __init__(self) -> None:
+        self.is_cancel_requested = False
+        self.ended = ""
+
+    def abort(self) -> None:
+        self.ended = "aborted"
+
+    def canceled(self) -> None:
+        self.ended = "canceled"
+
+
+@pytest.fixture
+def server(client: Client, monkeypatch: pytest.MonkeyPatch) -> tuple[OneRun, Server]:
+    servers: list[Server] = []
+
+    def made(*args: Any, **given: Any) -> Server:
+        servers.append(Server(*args, **given))
+        return servers[-1]
+
+    monkeypatch.setattr("stcalib_ros.ros.services.ActionServer", made)
+    calibrator = OneRun()
+    Services(client.node, calibrator)
+    return calibrator, servers[0]
+
+
+def executed(server: Server, goal: Goal) -> Any:
+    """Result of a goal that does not have to wait."""
+    with pytest.raises(StopIteration) as stopped:
+        server.execute(goal).send(None)
+    return stopped.value.value.result
+
+
+def test_a_goal_that_waits_for_its_turn_does_not_cancel_the_run_of_somebody_else(server):
+    calibrator, server = server
+    calibrator.start()
+    server.cancel(Goal())
+    assert calibrator.cancelled == 0
+
+
+def test_a_goal_that_is_cancelled_before_its_turn_starts_no_run(server):
+    calibrator, server = server
+    goal = Goal()
+    server.cancel(goal)
+    goal.is_cancel_requested = True
+    assert executed(server, goal).status == int(Status.CANCELLED)
+    assert goal.ended == "canceled"
+    assert calibrator.run is None
+
+
+def test_a_goal_that_is_refused_is_aborted(server):
+    calibrator, server = server
+    calibrator.start()
+    goal = Goal()
+    assert executed(server, goal).status == int(Status.CANCELLED)
+    assert goal.ended == "aborted"
