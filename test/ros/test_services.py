@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,10 @@ from rclpy.task import Future
 from stcalib_ros.action import Calibrate
 from stcalib_ros.msg import CalibrationResult
 
+from stcalib_ros import cli
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.ros.convert import calibration_result, time_message
-from stcalib_ros.ros.services import Run, Services
+from stcalib_ros.ros.services import FORMATS, Run, Services
 from stcalib_ros.ros.worker import failure
 
 
@@ -175,3 +177,12 @@ def test_a_goal_that_is_refused_is_aborted(server):
     goal = Goal()
     assert executed(server, goal).status == int(Status.CANCELLED)
     assert goal.ended == "aborted"
+
+
+def test_the_formats_that_are_documented_are_those_that_there_are():
+    text = (Path(__file__).parents[2] / "srv" / "SaveCalibration.srv").read_text()
+    request = text.partition("---")[0]
+    assert tuple(re.findall(r'"(\w+)"', request)) == FORMATS
+    commands = re.findall(r"`stcalib (\w+)", text)
+    assert commands
+    assert all((Path(cli.__file__).parent / "commands" / f"{c}.py").exists() for c in commands)
