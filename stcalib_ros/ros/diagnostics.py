@@ -10,7 +10,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from stcalib_ros.core.monitoring.alarms import Verdict
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts
 from stcalib_ros.ros.load import Load
@@ -52,7 +51,7 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
     lacking = []
     if counts.age_s > STARVED_S:
         ago = "none has come" if counts.received == 0 else f"the last came {counts.age_s:.0f} s ago"
-        publishers = publishers_of(node, camera.pose_topic, POSES)
+        publishers = publishers_of(node, camera.pose_topic, camera.pose_type)
         lacking.append(f"waits for poses, {ago}: {publishers}")
     elif counts.dropped and not counts.images:
         lacking.append(f"sends nothing that can be used: {counts.last_problem}")
@@ -62,7 +61,7 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
             "the pose estimator's output"
         )
     if not counts.has_info:
-        publishers = publishers_of(node, camera.info_topic, CAMERA_INFO)
+        publishers = publishers_of(node, camera.info_topic, camera.info_type)
         lacking.append(f"waits for CameraInfo: {publishers}")
     return "; ".join(lacking)
 

@@ -12,13 +12,12 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo
 
 from stcalib_ros.io.bag import open_bag
 from stcalib_ros.io.mcap_source import RawMessage, raw_messages
 from stcalib_ros.io.messages import NS
 from stcalib_ros.io.topics import CameraSelection
-from stcalib_ros.msg import PersonPose3DArray
+from stcalib_ros.ros.convert import message_class
 from stcalib_ros.ros.publishers import latched
 
 _DEPTH = 1000
@@ -77,9 +76,12 @@ class Player:
         reliable = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
         self._publishers: dict[str, Any] = {}
         for camera in cameras:
-            poses = node.create_publisher(PersonPose3DArray, camera.pose_topic, reliable)
-            infos = node.create_publisher(CameraInfo, camera.info_topic, latched())
-            self._publishers |= {camera.pose_topic: poses, camera.info_topic: infos}
+            for topic, type_name, qos in (
+                (camera.pose_topic, camera.pose_type, reliable),
+                (camera.info_topic, camera.info_type, latched()),
+            ):
+                kind = message_class(type_name)
+                self._publishers[topic] = node.create_publisher(kind, topic, qos)
         self._clock = (
             None if options.clock_hz is None else node.create_publisher(Clock, "/clock", 10)
         )

@@ -6,7 +6,6 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import Any
 
 import rclpy
@@ -20,7 +19,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.results import read_result
 from stcalib_ros.io.stamps import ClockCorrection, Restamper, changes, corrections_of, describe
 from stcalib_ros.msg import CalibrationResult
-from stcalib_ros.ros.convert import clock_corrections
+from stcalib_ros.ros.convert import clock_corrections, message_class
 from stcalib_ros.ros.diagnostics import STARVED_S, publishers_of
 from stcalib_ros.ros.parameters import MAX_CAMERAS
 from stcalib_ros.ros.publishers import latched
@@ -157,7 +156,7 @@ class Restamp:
         return offered == {ReliabilityPolicy.RELIABLE}
 
     def _open(self, stream: Stream, type_name: str, infos: Sequence[Any] = ()) -> None:
-        message_type = message_class(stream.source, type_name)
+        message_type = message_class_with_header(stream.source, type_name)
         reliable = self.settings.output_reliability == "reliable"
         qos = self._qos(stream, reliable=reliable)
         stream.publisher = self.node.create_publisher(message_type, stream.target, qos)
@@ -269,7 +268,7 @@ def _usable_corrections(message: CalibrationResult) -> dict[str, ClockCorrection
     return clock_corrections(message)
 
 
-def message_class(topic: str, type_name: str) -> Any:
+def message_class_with_header(topic: str, type_name: str) -> Any:
     """Class of a message that begins with a header.
 
     Parameters
@@ -284,13 +283,10 @@ def message_class(topic: str, type_name: str) -> Any:
     InputError
         The package is not there, or the message begins with something else.
     """
-    package, _, name = type_name.partition("/msg/")
     try:
-        message_type = getattr(import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError):
-        raise InputError(
-            f"{topic}: no message {type_name!r} here: install and source the package {package!r}"
-        ) from None
+        message_type = message_class(type_name)
+    except InputError as error:
+        raise InputError(f"{topic}: {error}") from None
     fields = message_type.get_fields_and_field_types()
     if next(iter(fields.values()), "") != _HEADER:
         first = next((f"{kind} {name}" for name, kind in fields.items()), "nothing")

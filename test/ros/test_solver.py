@@ -17,10 +17,9 @@ from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.assemble import CameraImages, assemble_recording
 from stcalib_ros.io.bag_writer import write_recording
-from stcalib_ros.io.decode import decode
 from stcalib_ros.io.mcap_source import raw_messages
+from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, decode
 from stcalib_ros.io.messages import camera_info_fields, pose_image
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES
 from stcalib_ros.ros.solver import SolverError, calibrate_apart
 
 NAMES = ("cam0", "cam1")
@@ -40,8 +39,8 @@ def of_camera(bag: Path, name: str) -> CameraImages:
     lens = next(m.data for m in raw_messages([bag], frozenset({info})))
     return CameraImages(
         name=name,
-        images=[pose_image(decode(POSES, data), topic=poses) for data in of_poses],
-        info=camera_info_fields(decode(CAMERA_INFO, lens)),
+        images=[pose_image(decode(PERSON_POSES.name, data), topic=poses) for data in of_poses],
+        info=camera_info_fields(decode(CAMERA_INFO.name, lens)),
         pose_topic=poses,
         info_topic=info,
     )
