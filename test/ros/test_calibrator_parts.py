@@ -291,7 +291,7 @@ class Solver:
 @pytest.fixture
 def solver(monkeypatch: pytest.MonkeyPatch) -> Solver:
     made = Solver()
-    monkeypatch.setattr(worker_module, "calibrate_apart", made)
+    monkeypatch.setattr(worker_module, "calibrate_in_subprocess", made)
     return made
 
 
