@@ -45,9 +45,7 @@ _HEADINGS = {
     Status.NOT_CONVERGED: "Refused: the adjustment did not converge",
     Status.CANCELLED: "Cancelled",
 }
-_NOT_TO_BE_USED = (
-    "Poses, offsets and persons below are intermediate results and must not be used."
-)
+_NOT_TO_BE_USED = "Poses, offsets and persons below are intermediate results and must not be used."
 _NO_POSES = "There are no poses. What the cameras saw is below: it may show what is missing."
 
 
@@ -68,8 +66,8 @@ def _sentence(c: Calibration) -> str:
     total = len(c.cameras) + len(c.uncalibrated)
     found = (
         f"{len(c.cameras)} of {total} cameras, {count(len(c.persons), 'person')}; "
-        f"{c.n_inliers} of {c.n_observations} observations are inliers, with a reprojection error of "
-        f"{c.reprojection_rms_px:.2f} px (rms)."
+        f"{c.n_inliers} of {c.n_observations} observations are inliers, with a reprojection error "
+        f"of {c.reprojection_rms_px:.2f} px (rms)."
     )
     if c.status is not Status.OK:
         return f"{_capital(c.message)}. Found: {found}"
