@@ -93,6 +93,14 @@ def calibrate(
         A worker of the executor was lost.
     Cancelled
         `cancelled` returned true.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> scene = st.simulate(st.SceneOptions(n_cameras=3, n_people=2, n_frames=180))
+    >>> calibration = st.calibrate(scene.recording, st.Options(offset_range_s=0.5))
+    >>> calibration.status.name, [camera.name for camera in calibration.cameras]
+    ('OK', ['cam0', 'cam1', 'cam2'])
     """
     run = _Run(recording, options or Options(), progress, cancelled, adjusted, executor)
     return run.stages().calibration
@@ -106,7 +114,16 @@ def run_stages(
     cancelled: Callable[[], bool] | None = None,
     executor: Executor | None = None,
 ) -> Stages:
-    """Like `calibrate`, with what every stage found."""
+    """Like `calibrate`, with what every stage found.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> scene = st.simulate(st.SceneOptions(n_cameras=3, n_people=2, n_frames=180))
+    >>> stages = st.run_stages(scene.recording, st.Options(offset_range_s=0.5))
+    >>> [camera.name for camera in stages.lifted], stages.calibration.status.name
+    (['cam0', 'cam1', 'cam2'], 'OK')
+    """
     run = _Run(recording, options or Options(), progress, cancelled, executor=executor)
     return run.stages()
 
