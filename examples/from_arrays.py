@@ -37,9 +37,22 @@ def detections() -> dict[str, dict[str, NDArray[np.float64]]]:
 def main() -> None:
     """Calibrate the cameras and print their poses and clocks."""
     K = [[1400.0, 0.0, 960.0], [0.0, 1400.0, 540.0], [0.0, 0.0, 1.0]]
-    lens = {"K": K, "image_size": (1920, 1080), "layout": "h36m_17"}
-    cameras = [st.camera_from_arrays(name, **lens, **a) for name, a in detections().items()]
-    calibration = st.calibrate(st.Recording(tuple(cameras)))
+    cameras = tuple(
+        st.camera_from_arrays(
+            name,
+            K=K,
+            image_size=(1920, 1080),
+            layout="h36m_17",
+            stamps=poses["stamps"],
+            frames=poses["frames"],
+            track_ids=poses["track_ids"],
+            keypoints=poses["keypoints"],
+            joints=poses["joints"],
+            scores=poses["scores"],
+        )
+        for name, poses in detections().items()
+    )
+    calibration = st.calibrate(st.Recording(cameras))
     print(f"{calibration.status.name}: {calibration.message}")
     for camera in calibration.cameras:
         position = np.array2string(camera.t_ref_cam, precision=3, suppress_small=True)
