@@ -66,6 +66,29 @@ LONG = {
     f"{PACKAGE}.ros.buffers",
     f"{PACKAGE}.ros.node",
 }
+UNNAMED_NUMBERS = {
+    f"{CORE}.bundle.istba",
+    f"{CORE}.bundle.levenberg_marquardt",
+    f"{CORE}.evaluation.metrics",
+    f"{CORE}.geometry.lens",
+    f"{CORE}.geometry.se3",
+    f"{CORE}.lifting.lift",
+    f"{CORE}.monitoring.matching",
+    f"{CORE}.paper.posegraph",
+    f"{CORE}.paper.vmf",
+    f"{CORE}.registration.resampling",
+    f"{CORE}.registration.two_view_refinement",
+    f"{CORE}.synthetic.paths",
+    f"{CORE}.synthetic.rigs",
+    f"{CORE}.validation.cross_view",
+    f"{PACKAGE}.io.convert",
+    f"{PACKAGE}.io.datasets.alphapose",
+    f"{PACKAGE}.io.results",
+    f"{PACKAGE}.io.rigs",
+    f"{PACKAGE}.report.draw_room",
+    f"{PACKAGE}.report.room",
+    f"{PACKAGE}.ros.streams",
+}
 UPWARD = {
     f"{CORE}.reconstruction.trajectories -> {CORE}.output.world_frame",
     f"{CORE}.reconstruction.trajectories -> {CORE}.stages",
@@ -222,6 +245,26 @@ def test_numbers_say_their_unit_meaning_and_origin() -> None:
         if len(text) < MIN_LIMIT_DOC
     }
     assert silent == set()
+
+
+def test_comparisons_are_with_numbers_that_have_a_name() -> None:
+    """But for 0, 1 and 2 (fewer than two cameras, two views make a point), and for shapes."""
+    unnamed = {
+        f"{module}:{node.lineno}"
+        for module in MODULES
+        if module not in UNNAMED_NUMBERS
+        for node in ast.walk(parsed(module))
+        if isinstance(node, ast.Compare) and "shape" not in (text := ast.unparse(node))
+        if "ndim" not in text and any(is_telling(side) for side in [node.left, *node.comparators])
+    }
+    assert unnamed == set()
+
+
+def is_telling(side: ast.expr) -> bool:
+    """Whether one side of a comparison is a literal number other than 0, 1 and 2."""
+    if isinstance(side, ast.UnaryOp):
+        side = side.operand
+    return is_number(side) and isinstance(side, ast.Constant) and side.value not in (0, 1, 2)
 
 
 def test_the_package_itself_calls_every_public_function_of_core() -> None:
