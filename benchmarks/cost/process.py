@@ -20,7 +20,7 @@ class Usage:
     own_mb, own_peak_mb : float
         Resident memory of the process itself, now and at most.
     all_mb : float
-        Resident memory of it and its descendants; pages that they share count for each.
+        Resident memory of it and its descendants; shared pages count once for each.
     cpu_s : float
         CPU time of all of them since the start.
     """

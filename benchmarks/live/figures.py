@@ -1,4 +1,4 @@
-"""What was seen of the live node, and the table of it."""
+"""Observations of the live node, and the table made from them."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ MAX_MB = 600.0
 MAX_RESULT_S = 0.3
 MAX_STOP_S = 2.0
 MAX_GROWTH_MB_PER_MIN = 1.0
-_LEAST_SPAN_S = 120.0
-"""Less than this tells nothing about growth."""
+_MIN_SPAN_S = 120.0
+"""Seconds between solves below which growth of memory is not assessed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The node at one time: `load` are the figures of its last minute, milliseconds."""
+    """State of the node at one time; `load` holds delays over its last minute, milliseconds."""
 
     at_s: float
     solving: bool
@@ -55,13 +55,13 @@ class Observed:
     received, dropped, buffered : dict of str to int
         Messages of poses by camera, as the node counts them at the end.
     lost : int
-        Those of which the node knows by their numbers that they never came.
+        Messages that never arrived, by gaps in their sequence numbers.
     solves : list of Solve
     samples : list of Sample
         One a second.
     exit_status : int
     stop_s : float
-        From SIGINT to the end of the process.
+        Seconds from SIGINT to the end of the process.
     """
 
     sent: dict[str, Sent]
@@ -95,7 +95,7 @@ def _messages(seen: Observed) -> tuple[Row, ...]:
 
 
 def _delays(samples: Sequence[Sample]) -> tuple[Row, ...]:
-    """By the worst minute; where there was none, by all that was seen."""
+    """Delays of the worst minute, or of the last sample if there was no full minute."""
     begin = next((s.at_s for s in samples if s.messages), math.inf)
     whole = [s for s in samples if s.at_s >= begin + MINUTE_S] or list(samples[-1:])
     table = []
@@ -136,7 +136,7 @@ def _resources(samples: Sequence[Sample]) -> tuple[Row, ...]:
     own = max((s.usage.own_peak_mb for s in samples), default=math.nan)
     growth, spans = _growth(samples)
     idle, busy = (_cpu_share(samples, solving) for solving in (False, True))
-    flat = abs(growth) <= MAX_GROWTH_MB_PER_MIN if spans >= _LEAST_SPAN_S else None
+    flat = abs(growth) <= MAX_GROWTH_MB_PER_MIN if spans >= _MIN_SPAN_S else None
     return (
         Row(
             "memory MB",
@@ -155,7 +155,7 @@ def _resources(samples: Sequence[Sample]) -> tuple[Row, ...]:
 
 
 def _growth(samples: Sequence[Sample]) -> tuple[float, float]:
-    """Slope of the memory between solves, from the end of the first on; and the time it is of."""
+    """Slope of the memory between solves after the first, MB/min, and its time span, s."""
     first = next((k for k, s in enumerate(samples) if s.solving), len(samples))
     settled = [s for s in samples[first:] if not s.solving]
     if len(settled) < 2:

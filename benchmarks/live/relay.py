@@ -1,4 +1,4 @@
-"""What the clock relay costs: images over DDS through a `restamp` process.
+"""Cost of the clock relay: images over DDS through a `restamp` process.
 
 Run ``python -m benchmarks.live.relay`` where the package is built and sourced.
 """

@@ -67,7 +67,7 @@ def arcs(v_a: Float64Array, v_b: Float64Array, *, threshold: float = THRESHOLD) 
 def proposals(
     v_a: Float64Array, known_a: BoolArray, v_b: Float64Array, known_b: BoolArray
 ) -> tuple[Float64Array, Float64Array]:
-    """All pairs of directions of one bone in one frame, whoever they belong to (step N).
+    """All pairs of directions of one bone in one frame, regardless of the person (step N).
 
     Parameters
     ----------
@@ -153,9 +153,9 @@ def descended(R_a_b: Float64Array, v_a: Float64Array, v_b: Float64Array) -> Floa
     step = _FIRST_STEP
     for _ in range(_DESCENT_STEPS):
         turned = v_b @ R.T
-        away = turned - v_a
-        distance = np.linalg.norm(away, axis=1)
-        gradient = (np.cross(turned, away) / np.maximum(distance, 1e-9)[:, None]).mean(0)
+        difference = turned - v_a
+        distance = np.linalg.norm(difference, axis=1)
+        gradient = (np.cross(turned, difference) / np.maximum(distance, 1e-9)[:, None]).mean(0)
         length = float(np.linalg.norm(gradient))
         if length < 1e-12:
             break

@@ -1,4 +1,4 @@
-"""Points of the background and their matches: what structure from motion has to go by.
+"""Points of the background and their matches, the input of structure from motion.
 
 There are no images. Points lie on the walls and the floor of a room around the cameras; a camera
 that sees one detects it with a pixel of noise, and two cameras match it with a probability that
@@ -56,7 +56,7 @@ def room_points(rng: np.random.Generator, rig: SceneRig, n: int) -> Float64Array
 def _matched(
     rng: np.random.Generator, points: Float64Array, rig: SceneRig, seen: BoolArray
 ) -> BoolArray:
-    """Which detections of a point hang together with another one."""
+    """Detections of a point that match at least one other detection of it."""
     rays = points[:, None] - rig.centres_world
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     angle = np.arccos(np.clip(np.einsum("nca,nda->ncd", rays, rays), -1, 1))

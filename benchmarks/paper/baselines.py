@@ -111,7 +111,7 @@ def by_arcs(
 def by_reid(
     s: Sampled, a: int, b: int, o: VmfOptions, rng: np.random.Generator
 ) -> PairRegistration | None:
-    """Essential matrix of the people that look alike."""
+    """Essential matrix from people of similar appearance."""
     n_people = len(s.truth.persons)
     looks = prototypes(np.random.default_rng(n_people), n_people + 1)
     noise = noise_for(RANK_1, max(2, n_people))
@@ -162,8 +162,8 @@ def _length(s: Sampled, h: RelativePose, matches: IntArray, window: int) -> floa
     """Length of t, metres, from where the monocular poses stand."""
     w, p, q = matches.T
     at = s.samples(window)[w]
-    apart = s.points[h.a].body[p[:, None], at] - s.points[h.b].body[q[:, None], at] @ h.R_a_b.T
-    along = apart[np.isfinite(apart).all(-1)] @ h.t_a_b
+    difference = s.points[h.a].body[p[:, None], at] - s.points[h.b].body[q[:, None], at] @ h.R_a_b.T
+    along = difference[np.isfinite(difference).all(-1)] @ h.t_a_b
     return max(abs(float(np.median(along))), _SHORTEST_M) if len(along) else 1.0
 
 
@@ -215,7 +215,7 @@ def _integrated(
 def _rounds(
     s: Sampled, rig: Rig, pairs: list[PairRegistration], options: Options
 ) -> tuple[Iteration, ...]:
-    """Integration and adjustments; of cameras that fall apart the largest group goes on."""
+    """Integration and adjustments; of disconnected cameras the largest group is kept."""
     lifted, window = s.views.lifted, options.vmf.window
     first = _association(s, rig, pairs, window)
     before = _unadjusted(s, rig, first)

@@ -68,13 +68,13 @@ def show_boards(
     """Hold up boards at random where both cameras of a pair see all of them.
 
     A board is transparent, its corners can be seen from behind: no pair of opposite cameras
-    would otherwise see one. Corners: 8 x 6, 60 mm apart; the paper does not say.
+    would otherwise see one. Corners: 8 x 6, 60 mm spacing; the paper does not give it.
 
     Parameters
     ----------
     rng : Generator
     rig : SceneRig
-        In a world with z up and the people's area around the origin.
+        In a world with z up, people moving around the origin.
     per_pair : int
     sigma_px : float
         Noise of a corner, per axis.

@@ -39,7 +39,7 @@ SEARCH_S = SEARCH_FRAMES / FPS
 BALANCE = DATA / "pose2sim_balance" / "balance_multi_blazepose.npz"
 BALANCE_SHIFTS_S = {"cam02": 0.317, "cam03": -0.21, "cam04": 0.143}
 _BALANCE_RANGE_S = 1.0
-"""Two of the clocks are more than half a second apart."""
+"""Two of the clocks differ by more than half a second."""
 _BALANCE_FPS = 60.0
 
 
@@ -125,10 +125,10 @@ def rig_errors(
     true_s = np.array([c.time_offset_s for c in truth.cameras])
     baseline = float(np.linalg.norm(t[1]))
     ours = t_ref_cam * baseline / np.linalg.norm(t_ref_cam[1])
-    away = np.linalg.norm(ours - t, axis=-1)[1:] / baseline
+    error = np.linalg.norm(ours - t, axis=-1)[1:] / baseline
     return {
         "E_R": float(rotation_angle(np.swapaxes(R, -1, -2) @ R_ref_cam)[1:].mean()),
-        "E_t": float(np.sqrt(np.mean(away**2))),
+        "E_t": float(np.sqrt(np.mean(error**2))),
         "E_delta": float(np.abs(offset_s - true_s)[1:].mean()) * FPS,
     }
 
@@ -173,7 +173,7 @@ def _baseline_rows(
     rows = []
     for rounds, names in ((before,), ("PR", "MI")), (tuple(after), ("BA", "IBA")):
         if not rounds:
-            rows.append(row(scene, method, "IBA", trial, None, cpu_s=cpu_s, failure="falls apart"))
+            rows.append(row(scene, method, "IBA", trial, None, cpu_s=cpu_s, failure="disconnected"))
             continue
         judged = judge_stages(replace(stages, rounds=rounds), truth, fps=FPS, synchronised=True)
         rows += [row(scene, method, n, trial, judged[n], cpu_s=cpu_s) for n in names]

@@ -113,7 +113,7 @@ def relative_pose(
     _, R, t, mask = cv2.recoverPose(E, right[both], left[both], np.eye(3), mask=mask)
     inlier = mask.ravel() > 0
     explained = _share(both, inlier)
-    kept = tuple(m for m, share in zip(matches, explained, strict=True) if share >= _EXPLAINED)
+    kept = tuple(m for m, ratio in zip(matches, explained, strict=True) if ratio >= _EXPLAINED)
     return RelativePose(a, b, *as_pose(R, t), 0.0, kept, float(mask.sum() > 0) * float(both.sum()))
 
 

@@ -15,7 +15,7 @@ from benchmarks.paper.run import Row, figures
 PRINTED: Mapping[str, Any] = json.loads(
     (Path(__file__).parent / "printed.json").read_text(encoding="utf-8")
 )
-"""The paper's tables; its P is the share of points within five pixels with the true poses."""
+"""The paper's tables; its P is the fraction of points within five pixels with the true poses."""
 
 UNITS = {
     "E_R": "E_R rad",

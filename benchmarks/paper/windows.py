@@ -52,12 +52,12 @@ def register_on_windows(
     rng : numpy.random.Generator
         Of the paper's initial rotations; the default method needs none.
     refine : bool
-        Default method only: refine on the key points of the windows, to fractions of a frame.
+        Default method only: refine on the keypoints of the windows, to fractions of a frame.
 
     Returns
     -------
     PairRegistration or None
-        None where nobody can be matched.
+        None if no person can be matched.
 
     Raises
     ------
