@@ -18,8 +18,8 @@ from stcalib_ros.core.synthetic.rigs import image_of
 
 N_POINTS = 4000
 SIGMA_PX = 1.0
-FALSE_SHARE = 0.2
-MATCH_ANGLE_RAD = np.deg2rad(30.0)
+FALSE_FRACTION = 0.2
+HALF_MATCHED_RAD = np.deg2rad(25.0)
 _WALL_M = 1.5
 
 
@@ -60,7 +60,7 @@ def _matched(
     rays = points[:, None] - rig.centres_world
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     angle = np.arccos(np.clip(np.einsum("nca,nda->ncd", rays, rays), -1, 1))
-    likely = np.exp(-((angle / MATCH_ANGLE_RAD) ** 2) * np.log(2.0) * (30.0 / 25.0) ** 2)
+    likely = np.exp(-np.log(2.0) * (angle / HALF_MATCHED_RAD) ** 2)
     hit = rng.uniform(size=angle.shape) < likely
     hit &= seen[:, :, None] & seen[:, None] & ~np.eye(seen.shape[1], dtype=bool)
     return np.asarray((hit | hit.transpose(0, 2, 1)).any(-1))
@@ -70,5 +70,5 @@ def _mismatch(rng: np.random.Generator, x: Float64Array, seen: BoolArray) -> Non
     """Exchange the detections of some points with those of others, camera by camera."""
     for c in range(seen.shape[1]):
         rows = np.flatnonzero(seen[:, c])
-        wrong = rows[rng.uniform(size=len(rows)) < FALSE_SHARE]
+        wrong = rows[rng.uniform(size=len(rows)) < FALSE_FRACTION]
         x[wrong, c] = x[rng.permutation(wrong), c]

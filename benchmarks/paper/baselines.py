@@ -9,7 +9,15 @@ from itertools import combinations
 import numpy as np
 
 from benchmarks.paper.arcs import arcs, proposals
-from benchmarks.paper.reid import RANK_1, embeddings, matched, noise_for, prototypes, relative_pose
+from benchmarks.paper.reid import (
+    MIN_POINTS,
+    RANK_1,
+    embeddings,
+    matched,
+    noise_for,
+    prototypes,
+    relative_pose,
+)
 from stcalib_ros.core.bundle.istba import finish_iteration
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.observations import observe
@@ -38,7 +46,6 @@ from stcalib_ros.core.stages import Stages
 MAX_PROPOSALS = 8000
 """More proposed correspondences than this are thinned out at random before ARCS."""
 
-_MIN_POINTS = 8
 _SHORTEST_M = 1e-3
 
 Register = Callable[
@@ -98,7 +105,7 @@ def by_arcs(
         v_b.reshape(shape_b),
         k_b.reshape(shape_b[:-1]),
     )
-    if len(left) < _MIN_POINTS:
+    if len(left) < MIN_POINTS:
         return None
     keep = rng.permutation(len(left))[:MAX_PROPOSALS]
     R = arcs(left[keep], right[keep]).R_a_b
@@ -148,7 +155,7 @@ def _registration(
     at = s.samples(window)[w]
     x_a, x_b = s.points[a].x[p[:, None], at], s.points[b].x[q[:, None], at]
     both = np.isfinite(x_a + x_b).all(-1)
-    if both.sum() < _MIN_POINTS:
+    if both.sum() < MIN_POINTS:
         return None
     one = np.ones((int(both.sum()), 1))
     t = translation_direction(R, np.hstack([x_a[both], one]), np.hstack([x_b[both], one]))

@@ -30,7 +30,7 @@ _DIMENSIONS = 64
 _TRIALS = 400
 _RANSAC_PX = 3.0
 _EXPLAINED = 0.5
-_MIN_POINTS = 8
+MIN_POINTS = 8
 
 
 def embeddings(
@@ -103,7 +103,7 @@ def relative_pose(
     p, q = np.array(matches, dtype=np.int64).reshape(-1, 2).T
     left, right = x_a[p], x_b[q]
     both = np.isfinite(left).all(-1) & np.isfinite(right).all(-1)
-    if both.sum() < _MIN_POINTS:
+    if both.sum() < MIN_POINTS:
         return None
     E, mask = cv2.findEssentialMat(
         right[both], left[both], np.eye(3), cv2.RANSAC, 0.999, _RANSAC_PX / focal, maxIters=1000

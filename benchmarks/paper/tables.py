@@ -26,7 +26,6 @@ UNITS = {
     "precision": "P assoc.",
 }
 SUCCESS_RAD = 0.1
-_CAMERAS = 4
 
 
 def tables(name: str, rows: Sequence[Row]) -> str:
