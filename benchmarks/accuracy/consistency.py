@@ -33,6 +33,7 @@ from stcalib_ros.io.mocap import shipped_clips
 _BLOCKS = ("rotation", "centre", "offset")
 _LIMITS = {"default": (0.7, 1.5), "bias": (0.5, 3.0), "rates": (0.5, 3.0)}
 _RANK = 1e-6
+"""Ratio of an eigenvalue to the largest below which a direction is fixed by the gauge."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -30,6 +30,7 @@ from stcalib_ros.io.results import read_result
 
 _ERRORS = ("E_R", "E_t", "E_delta")
 _DEMO_FPS = 60.0
+"""Frame rate of the demo recording, Hz."""
 _DEMO_LIMITS = {"E_R": 0.07, "centres m": 0.25, "offset frames": 3.0}
 """Largest accepted errors of the demo: rad, m, frames; its truth is good to 0.035-0.05 rad."""
 

@@ -12,7 +12,9 @@ SUCCESS = {"E_R": 0.02, "E_t": 0.05, "E_delta": 0.5}
 """A scene is solved if every camera is calibrated and no error is above these."""
 
 MAX_CPU_S = 8.0
+"""Largest accepted CPU seconds of one calibration: several times the usual ones."""
 MAX_RATIO = 1.5
+"""Largest accepted ratio of a median error to that of the easier scenario with the same seeds."""
 
 
 @dataclass(frozen=True, slots=True)

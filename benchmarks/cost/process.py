@@ -9,6 +9,7 @@ from pathlib import Path
 
 _TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 _MB = 1024.0
+"""Kilobytes of ``/proc`` in the unit of memory, MiB."""
 
 
 @dataclass(frozen=True, slots=True)

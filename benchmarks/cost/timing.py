@@ -29,7 +29,9 @@ from stcalib_ros.io.mocap import shipped_clips
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _MB = 1e6
+"""Bytes in the unit of memory, MB."""
 _FPS = 30.0
+"""Frame rate of the simulated scenes, Hz."""
 _T = TypeVar("_T")
 
 

@@ -14,11 +14,17 @@ from benchmarks.live.player import Sent
 from benchmarks.table import Row
 
 MINUTE_S = 60.0
+"""Seconds over which the node reports its delays."""
 MAX_DELAY_MS = 20.0
+"""Largest accepted p99 of a delay in the worst minute, ms: within one frame at 30 Hz."""
 MAX_MB = 600.0
+"""Largest accepted resident memory of node and solver together, MB."""
 MAX_RESULT_S = 0.3
+"""Largest accepted time from the end of a solve to the arrival of its result, s."""
 MAX_STOP_S = 2.0
+"""Largest accepted time from SIGINT to the end of the process, s."""
 MAX_GROWTH_MB_PER_MIN = 1.0
+"""Largest accepted growth of memory between solves, MB/min."""
 _MIN_SPAN_S = 120.0
 """Seconds between solves below which growth of memory is not assessed."""
 

@@ -35,10 +35,15 @@ from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mocap import shipped_clips
 
 _FPS = 30.0
+"""Frame rate of the simulated cameras, Hz."""
 _SETTLE_S = 2.0
+"""Seconds of observation before the first and after the last message."""
 _START_S = 60.0
+"""Seconds until all topics must have a subscriber."""
 _PAUSE_S = 5.0
+"""Seconds between the end of a calibration and the next request."""
 _STOP_S = 20.0
+"""Seconds after SIGINT until the process counts as hung."""
 _LOG = "calibrator.log"
 
 

@@ -13,10 +13,14 @@ from typing import Any
 from stcalib_ros.io.mcap_source import bag_files, raw_messages
 from stcalib_ros.io.messages import NS
 
-_STAMP_AT = 4  # after the encapsulation header of CDR
+_STAMP_AT = 4
+"""Byte offset of the header stamp, after the encapsulation header of CDR."""
 _LATE_S = 0.1
+"""Seconds after its due time from which a message counts as late."""
 _FPS = 30.0
+"""Frame rate of the recording, Hz: the next loop begins one frame after the last."""
 WINDOW_S = 30.0
+"""Seconds of data that the node keeps and calibrates."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,9 @@ from stcalib_ros.io.stamps import stamp_of, with_stamp
 from stcalib_ros.ros.publishers import latched
 
 _OFFSET_S = 0.3
+"""Time offset of the simulated calibration, s."""
 _TIMEOUT_S = 30.0
+"""Seconds until the relay must have subscribed."""
 
 
 def main() -> None:

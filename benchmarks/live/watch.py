@@ -35,16 +35,21 @@ from stcalib_ros.core.synthetic import CameraChange, Scene, SceneOptions, simula
 from stcalib_ros.io.mocap import shipped_clips
 
 FPS = 30.0
+"""Frame rate of the simulated cameras, Hz."""
 CALIBRATED_S = (15.0, 30.0)
 """Seconds of data for the calibration; the longer one if the shorter is refused."""
 QUIET_S = 10.0
+"""Seconds of monitoring before a camera changes."""
 WITHIN_S = 10.0
 """Largest accepted time from a change to its alarm, s."""
 MAX_CPU_FRACTION = 0.05
 """Largest accepted CPU seconds per second of monitored time."""
 TURN_DEG = 2.0
+"""Rotation of the camera that is turned, degrees."""
 JUMP_S = 0.1
+"""Jump of the clock that jumps, s."""
 MIN_SCORE = 0.3
+"""Score from which keypoints are used, that of the default options."""
 
 KINDS: dict[str, dict[str, Any]] = {
     "noise": {},
@@ -62,6 +67,7 @@ KINDS: dict[str, dict[str, Any]] = {
 
 MANY: dict[str, Any] = {"n_cameras": 12, "n_people": 6, "area_radius_m": 2.0}
 _COST_RUNS = 2
+"""Runs that are enough to measure the CPU time."""
 
 
 @dataclass(frozen=True, slots=True)

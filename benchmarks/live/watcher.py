@@ -18,7 +18,9 @@ from benchmarks.live.figures import Observed, Sample, Solve
 from benchmarks.live.player import Sent
 
 _EVERY_S = 1.0
+"""Seconds between samples."""
 _SPIN_S = 0.05
+"""Longest wait for a ROS event, s."""
 
 
 class Watcher:

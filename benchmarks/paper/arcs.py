@@ -20,10 +20,15 @@ from scipy.spatial.transform import Rotation
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 
 THRESHOLD = 0.15
+"""Distance of unit vectors up to which a correspondence is an inlier; chosen here."""
 _AZIMUTHS = 180
+"""Number of half circles that the axis is searched on."""
 _DESCENT_STEPS = 60
+"""Subgradient steps over the rotation."""
 _FIRST_STEP = 0.2
+"""Length of the first subgradient step, in the unit quaternion."""
 _DECAY = 0.9
+"""Ratio of one step length to the one before."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,10 +17,15 @@ from stcalib_ros.core.synthetic import SceneRig
 from stcalib_ros.core.synthetic.rigs import image_of
 
 N_POINTS = 4000
+"""Number of points on walls and floor."""
 SIGMA_PX = 1.0
+"""Standard deviation of a detected point, px per axis."""
 FALSE_FRACTION = 0.2
+"""Fraction of matches that are false."""
 HALF_MATCHED_RAD = np.deg2rad(25.0)
+"""Angle between two views at which half of the detections match, rad."""
 _WALL_M = 1.5
+"""Distance of the walls beyond the cameras, m."""
 
 
 def background_views(rng: np.random.Generator, rig: SceneRig) -> PointViews:

@@ -47,6 +47,7 @@ MAX_PROPOSALS = 8000
 """More proposed correspondences than this are thinned out at random before ARCS."""
 
 _SHORTEST_M = 1e-3
+"""Shortest baseline that a pair is given, m."""
 
 Register = Callable[
     ["Sampled", int, int, VmfOptions, np.random.Generator], "PairRegistration | None"

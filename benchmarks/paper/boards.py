@@ -14,7 +14,9 @@ from stcalib_ros.core.synthetic import SceneRig
 from stcalib_ros.core.synthetic.rigs import image_of
 
 CORNERS = (8, 6)
+"""Columns and rows of inner corners of the checkerboard; the paper does not give them."""
 SQUARE_M = 0.06
+"""Side of a square, m; the paper does not give it."""
 _GRAZING = 0.25
 """Least cosine between the normal and the view: flatter views are not detected in practice."""
 

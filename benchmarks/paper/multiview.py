@@ -41,6 +41,7 @@ BALANCE_SHIFTS_S = {"cam02": 0.317, "cam03": -0.21, "cam04": 0.143}
 _BALANCE_RANGE_S = 1.0
 """Two of the clocks differ by more than half a second."""
 _BALANCE_FPS = 60.0
+"""Frame rate of the real recording, Hz."""
 
 
 def options_of(method: str, T: int, *, range_s: float, search_offsets: bool = True) -> Options:

@@ -30,8 +30,11 @@ from stcalib_ros.core.synthetic import Scene, SceneOptions, paper_scene
 from stcalib_ros.io.mocap import shipped_clips
 
 T = 5
+"""Frames of a window."""
 N_WINDOWS = 20
+"""Windows of a clip."""
 N_FRAMES = 300
+"""Frames of a clip."""
 STEP = 5
 """The full clip: windows one after the other."""
 

@@ -27,10 +27,15 @@ RANK_1 = 0.8
 """How often the nearest embedding is the right one; networks trained elsewhere reach about that."""
 
 _DIMENSIONS = 64
+"""Dimensions of a simulated appearance embedding."""
 _TRIALS = 400
+"""Pairs of views from which the rank-1 rate is measured."""
 _RANSAC_PX = 3.0
+"""Distance from the epipolar line up to which a keypoint is an inlier, px."""
 _EXPLAINED = 0.5
+"""Fraction of inlier keypoints from which a match is kept."""
 MIN_POINTS = 8
+"""Correspondences from which a pair is registered (eight-point algorithm)."""
 
 
 def embeddings(

@@ -30,8 +30,10 @@ SEARCH_FRAMES = 10
 """Offsets are searched within plus and minus this."""
 
 FPS = 30.0
+"""Frame rate of the simulated scenes, Hz."""
 
 _MAX_WIDTH = 1920
+"""Width to which larger images are scaled down, px: keypoint noise is given at this size."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,13 @@ from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.rig import Rig
 
 _MIN_INLIERS = 30
+"""Inlier matches that the first pair needs."""
 _MIN_PNP_INLIERS = 15
+"""Inlier points that a further camera needs."""
 _MIN_ANGLE_RAD = np.deg2rad(5.0)
+"""Smallest median triangulation angle of the first pair, rad."""
 _RANSAC_PX = 4.0
+"""Reprojection error up to which a match is an inlier, px."""
 
 
 class SfmFailure(RuntimeError):

@@ -26,6 +26,7 @@ UNITS = {
     "precision": "P assoc.",
 }
 SUCCESS_RAD = 0.1
+"""Rotation error up to which a registration counts as successful, rad."""
 
 
 def tables(name: str, rows: Sequence[Row]) -> str:

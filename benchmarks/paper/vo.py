@@ -35,6 +35,7 @@ from stcalib_ros.core.registration.resampling import common_step
 from stcalib_ros.core.synthetic import SceneRig as World
 
 _ROUNDS = 8
+"""Rounds of the adjustment."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

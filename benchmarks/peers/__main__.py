@@ -34,6 +34,7 @@ ADAPTERS = Path(__file__).parent / "adapters"
 BIAS_MM = {"unbiased key points": 0.0, "key points off by 20 mm": 20.0}
 """Kinds of scenes, with their view-dependent keypoint bias, mm (rms per axis)."""
 _LIMIT_S = 600.0
+"""Seconds after which a program counts as failed."""
 
 
 @dataclass(frozen=True, slots=True)
