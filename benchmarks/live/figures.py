@@ -82,7 +82,7 @@ class Observed:
 
 
 def rows(seen: Observed) -> tuple[Row, ...]:
-    """The table."""
+    """Return the rows of the table."""
     return (*_messages(seen), *_delays(seen.samples), *_solves(seen), *_resources(seen.samples))
 
 

@@ -146,7 +146,7 @@ _TITLES = {
 
 
 def run(name: str, index: int, *, minutes: float) -> Run:
-    """Simulate a scene, calibrate its beginning and watch the rest."""
+    """Simulate a scene, calibrate its beginning and monitor the rest."""
     kind = "many" if name == "cost" else list(KINDS)[index % len(KINDS)]
     seed = 9000 + 100 * list(_TITLES).index(name) + index
     watched_s = 60.0 * minutes if name == "undisturbed" else QUIET_S + WITHIN_S + SPAN_S

@@ -29,7 +29,7 @@ _SPREAD_TRIALS = 5
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run what is asked for.
+    """Run the requested experiments.
 
     Returns
     -------

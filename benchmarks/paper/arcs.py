@@ -33,7 +33,7 @@ _DECAY = 0.9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArcsResult:
-    """What ARCS+ finds.
+    """Result of ARCS+.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ def rotation_about(
 
 
 def most_stabbed(low: Float64Array, high: Float64Array, *, period: float) -> tuple[float, int]:
-    """Point that lies in most intervals of a circle, and in how many.
+    """Point contained in most intervals of a circle, and the number of these.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ Register = Callable[
 
 
 class Sampled:
-    """All cameras of a synchronised recording on one grid, with the windows to look at.
+    """All cameras of a synchronised recording on one grid, with the windows to use.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def _registration(
 
 
 def _length(s: Sampled, h: RelativePose, matches: IntArray, window: int) -> float:
-    """Length of t, metres, from where the monocular poses stand."""
+    """Length of t, metres, from the positions of the monocular poses."""
     w, p, q = matches.T
     at = s.samples(window)[w]
     difference = s.points[h.a].body[p[:, None], at] - s.points[h.b].body[q[:, None], at] @ h.R_a_b.T

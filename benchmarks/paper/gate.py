@@ -56,7 +56,7 @@ def make_baseline(trials: Sequence[Averages]) -> dict[str, dict[str, dict[str, f
 
 
 def regressions(found: Averages, baseline: Mapping[str, Any]) -> list[str]:
-    """What is worse than the baseline beyond its noise, one line each."""
+    """Figures that are worse than the baseline beyond its noise, one line each."""
     lines = []
     for key, entry in baseline.items():
         if key not in found:

@@ -1,4 +1,4 @@
-"""All cameras of the scenes of Table II: Tables I and II, and what the real recording says."""
+"""All cameras of the scenes of Table II: Tables I and II, and the real recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ReID-Calib: who is who by appearance, then the essential matrix (Xu, Li, Weng and Kitani 2021).
+"""ReID-Calib: people matched by appearance, then the essential matrix (Xu et al. 2021).
 
 "Wide-Baseline Multi-Camera Calibration using Person Re-Identification", CVPR 2021: boxes are
 matched across views by a re-identification network, the matches become point correspondences,
@@ -47,7 +47,7 @@ def embeddings(
 
 
 def prototypes(rng: np.random.Generator, n_people: int) -> Float64Array:
-    """What the people look like, (P, D)."""
+    """Appearance of each person, (P, D)."""
     e = rng.standard_normal((n_people, _DIMENSIONS))
     return np.asarray(e / np.linalg.norm(e, axis=1, keepdims=True))
 
@@ -123,7 +123,7 @@ def relative_pose(
 
 
 def _share(both: BoolArray, inlier: BoolArray) -> Float64Array:
-    """Of the correspondences of each match, how many are inliers."""
+    """Fraction of the correspondences of each match that are inliers."""
     count = np.zeros(both.shape)
     count[both] = inlier
     return np.asarray(count.sum((1, 2)) / np.maximum(both.sum((1, 2)), 1))

@@ -74,7 +74,7 @@ def incremental_sfm(views: PointViews, *, max_px: float = 4.0) -> PointBundle:
 
 
 def _first_pair(views: PointViews) -> tuple[tuple[int, int], Float64Array, Float64Array]:
-    """The pair with most inliers among those whose rays meet at five degrees or more."""
+    """Return the pair with most inliers among those with a large enough triangulation angle."""
     best: tuple[int, tuple[int, int], Float64Array, Float64Array] | None = None
     for a, b in combinations(range(views.seen.shape[1]), 2):
         found = essential(views, a, b)

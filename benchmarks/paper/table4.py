@@ -1,4 +1,4 @@
-"""Table IV and the times: checkerboards against people, and what either method costs.
+"""Table IV and the times: checkerboards against people, and the cost of each method.
 
 The adjustment (BA) after boards treats their corners as free points, for all three.
 """

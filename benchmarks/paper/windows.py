@@ -89,7 +89,7 @@ def register_on_windows(
 
 
 def _only_windows(camera: LiftedCamera, starts: IntArray, window: int, step: float) -> LiftedCamera:
-    """A camera that knows nothing of its tracks outside of the windows."""
+    """Camera without the parts of its tracks outside the windows."""
     frame = np.rint((camera.stamps - camera.stamps[0]) / step).astype(np.int64)
     inside = np.isin(frame, (starts[:, None] + np.arange(window)).ravel())
     return replace(camera, tracks=tuple(_seen(t, inside[t.frames]) for t in camera.tracks))
