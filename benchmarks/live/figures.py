@@ -57,7 +57,7 @@ class Observed:
     Attributes
     ----------
     sent : dict of str to Sent
-        By camera.
+        Messages sent, by camera.
     received, dropped, buffered : dict of str to int
         Messages of poses by camera, as the node counts them at the end.
     lost : int

@@ -61,7 +61,7 @@ class Sampled:
     ----------
     views : Views
     truth : Calibration
-        Where the appearance of people is simulated from; nothing else looks at it.
+        Truth from which the appearance of people is simulated; not used otherwise.
     starts : (W,) ndarray of int
     """
 
@@ -183,13 +183,13 @@ def baseline_stages(
     Parameters
     ----------
     name : str
-        Of `BASELINES`.
+        Name in `BASELINES`.
     recording : Recording
         Synchronised.
     truth : Calibration
-        For the simulated appearance.
+        Generator for the simulated appearance.
     options : Options
-        Of the paper's method.
+        Options of the paper's method.
     seed : int
     """
     views = lift_views(recording, options)

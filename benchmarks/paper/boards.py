@@ -76,7 +76,7 @@ def show_boards(
     ----------
     rng : Generator
     rig : SceneRig
-        In a world with z up, people moving around the origin.
+        Cameras in a world with z up, people moving around the origin.
     per_pair : int
     sigma_px : float
         Noise of a corner, per axis.

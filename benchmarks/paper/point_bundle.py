@@ -64,10 +64,10 @@ class PointBundle:
     ----------
     rig : Rig
     X : (N, J, 3) ndarray
-        In the frame of the first camera; 0 where unknown.
+        Points in the frame of the first camera; 0 where unknown.
     known : (N, J) ndarray of bool
     mean_px, rms_px : float
-        Of the reprojection errors of the points in use.
+        Reprojection errors of the inlier points, px.
     """
 
     rig: Rig

@@ -1,8 +1,8 @@
 """ReID-Calib: people matched by appearance, then the essential matrix (Xu et al. 2021).
 
-"Wide-Baseline Multi-Camera Calibration using Person Re-Identification", CVPR 2021: boxes are
-matched across views by a re-identification network, the matches become point correspondences,
-and RANSAC on the essential matrix gives the relative pose.
+Xu, Li, Weng and Kitani, "Wide-Baseline Multi-Camera Calibration using Person Re-Identification",
+CVPR 2021: boxes are matched across views by a re-identification network, the matches become point
+correspondences, and RANSAC on the essential matrix gives the relative pose.
 
 Assumed here: there are no images, so that the embeddings are simulated, with the rate at which the
 nearest embedding of the other view is the right person stated (`RANK_1`). People are matched

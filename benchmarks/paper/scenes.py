@@ -43,7 +43,7 @@ class PaperScene:
     Attributes
     ----------
     name, dataset : str
-        As in the paper.
+        Names as in the paper.
     n_people : int
     T : int
         Frames of a window, 5 to 15.

@@ -44,7 +44,7 @@ def incremental_sfm(views: PointViews, *, max_px: float = 4.0) -> PointBundle:
     Returns
     -------
     PointBundle
-        In the frame of camera 0; unit: the distance of the first two cameras.
+        Cameras and points in the frame of camera 0; unit: the distance of the first two cameras.
 
     Raises
     ------

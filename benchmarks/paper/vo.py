@@ -61,7 +61,7 @@ def calibrate_vo(
     Parameters
     ----------
     rng : Generator
-        For the background.
+        Generator for the background.
     recording : Recording
     truth : Calibration
         Only its persons are used: the associations are given.

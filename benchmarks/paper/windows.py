@@ -50,7 +50,7 @@ def register_on_windows(
         Frame k of a is compared with the frames k - max_lag .. k + max_lag of b, counted from the
         same stamp; 0: synchronised.
     rng : numpy.random.Generator
-        Of the paper's initial rotations; the default method needs none.
+        Generator for the paper's initial rotations; the default method needs none.
     refine : bool
         Default method only: refine on the keypoints of the windows, to fractions of a frame.
 
