@@ -31,7 +31,7 @@ from benchmarks.live.player import WINDOW_S, Sent, play
 from benchmarks.live.watcher import Watcher
 from benchmarks.table import finite, print_rows
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mocap import shipped_clips
 
 _FPS = 30.0
@@ -115,7 +115,7 @@ def _bag(args: argparse.Namespace, folder: Path) -> Path:
         area_radius_m=2.0,
         seed=args.seed,
     )
-    write_recording(simulate(options, clips=shipped_clips()).recording, path)
+    write_bag(simulate(options, clips=shipped_clips()).recording, path)
     return path
 
 

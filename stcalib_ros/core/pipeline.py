@@ -67,6 +67,14 @@ def calibrate(
         A worker of the executor was lost.
     Cancelled
         `cancelled` returned true.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> scene = st.simulate(st.SceneOptions(n_cameras=3, n_people=2, n_frames=180))
+    >>> calibration = st.calibrate(scene.recording, st.Options(offset_range_s=0.5))
+    >>> calibration.status.name, [camera.name for camera in calibration.cameras]
+    ('OK', ['cam0', 'cam1', 'cam2'])
     """
     return run_stages(
         recording,
@@ -87,7 +95,16 @@ def run_stages(
     adjusted: Callable[[float], None] | None = None,
     executor: Executor | None = None,
 ) -> Stages:
-    """Calibrate like `calibrate`, and return what every stage found."""
+    """Calibrate like `calibrate`, and return what every stage found.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> scene = st.simulate(st.SceneOptions(n_cameras=3, n_people=2, n_frames=180))
+    >>> stages = st.run_stages(scene.recording, st.Options(offset_range_s=0.5))
+    >>> [camera.name for camera in stages.lifted], stages.calibration.status.name
+    (['cam0', 'cam1', 'cam2'], 'OK')
+    """
     options = options or Options()
     control = Control(progress, cancelled, adjusted)
     reference = require_usable(recording, options)
