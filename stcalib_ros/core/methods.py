@@ -19,7 +19,7 @@ from stcalib_ros.core.paper.registration import PairRegistration
 from stcalib_ros.core.paper.stages import adjust_pairs, integrate_pairs, register_pairs
 from stcalib_ros.core.registration.executors import map_tasks
 from stcalib_ros.core.registration.pairs import pair_tasks, register
-from stcalib_ros.core.solution import Problem, adjust_rigs, check_solution
+from stcalib_ros.core.solution import CalibrationProblem, adjust_rigs, check_solution
 from stcalib_ros.core.validation.verdict import Solution
 
 
@@ -53,12 +53,12 @@ class Method:
         Adjusts the rigs (BA, IBA, STBA, ISTBA; IV), and checks every camera.
     """
 
-    register: Callable[[Problem], Registered]
-    integrate: Callable[[Problem, Sequence[int], Registered], tuple[Rig, ...]]
-    adjust: Callable[[Problem, Registered, tuple[Rig, ...], Exclusions], Solution]
+    register: Callable[[CalibrationProblem], Registered]
+    integrate: Callable[[CalibrationProblem, Sequence[int], Registered], tuple[Rig, ...]]
+    adjust: Callable[[CalibrationProblem, Registered, tuple[Rig, ...], Exclusions], Solution]
 
 
-def _register(problem: Problem) -> Registered:
+def _register(problem: CalibrationProblem) -> Registered:
     """Register and refine all pairs of cameras."""
     tasks = pair_tasks(
         problem.views.lifted,
@@ -76,7 +76,9 @@ def _register(problem: Problem) -> Registered:
     return Registered(tuple(h for hypotheses in found for h in hypotheses))
 
 
-def _integrate(problem: Problem, group: Sequence[int], pairs: Registered) -> tuple[Rig, ...]:
+def _integrate(
+    problem: CalibrationProblem, group: Sequence[int], pairs: Registered
+) -> tuple[Rig, ...]:
     """Average over random spanning trees of the hypotheses."""
     problem.control.tick("integration", 0.0)
     options = problem.options
@@ -91,12 +93,12 @@ def _integrate(problem: Problem, group: Sequence[int], pairs: Registered) -> tup
 
 
 def _adjust(
-    problem: Problem, _: Registered, rigs: tuple[Rig, ...], exclusions: Exclusions
+    problem: CalibrationProblem, _: Registered, rigs: tuple[Rig, ...], exclusions: Exclusions
 ) -> Solution:
     return adjust_rigs(problem, rigs, exclusions)
 
 
-def _register_vmf(problem: Problem) -> Registered:
+def _register_vmf(problem: CalibrationProblem) -> Registered:
     """Register all pairs of cameras by mixtures of von Mises-Fisher distributions."""
     pairs = register_pairs(
         problem.views, problem.cameras, problem.options, problem.grid, problem.control.tick
@@ -104,13 +106,15 @@ def _register_vmf(problem: Problem) -> Registered:
     return Registered(tuple(pair.hypothesis for pair in pairs), pairs)
 
 
-def _integrate_vmf(problem: Problem, group: Sequence[int], pairs: Registered) -> tuple[Rig, ...]:
+def _integrate_vmf(
+    problem: CalibrationProblem, group: Sequence[int], pairs: Registered
+) -> tuple[Rig, ...]:
     """Optimise the pose graph of all pairs."""
     return (integrate_pairs(group, pairs.windows, problem.options),)
 
 
 def _adjust_vmf(
-    problem: Problem, pairs: Registered, rigs: tuple[Rig, ...], exclusions: Exclusions
+    problem: CalibrationProblem, pairs: Registered, rigs: tuple[Rig, ...], exclusions: Exclusions
 ) -> Solution:
     """Run the paper's adjustment, without the cameras that it disconnects."""
     rig = rigs[0]

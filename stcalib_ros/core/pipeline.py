@@ -23,7 +23,7 @@ from stcalib_ros.core.options import Options
 from stcalib_ros.core.output.assemble import failed_calibration, make_calibration
 from stcalib_ros.core.output.world_frame import WorldAlignment, place
 from stcalib_ros.core.registration.resampling import common_grid
-from stcalib_ros.core.solution import Problem
+from stcalib_ros.core.solution import CalibrationProblem
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.core.validation.verdict import Solution, judge
 
@@ -127,10 +127,7 @@ def run_stages(
             recording, status=why.status, message=why.message, uncalibrated=why.uncalibrated
         )
         return Stages(views.skeleton, views.lifted, hypotheses, rigs, (), failed)
-    alignment = place(
-        recording, views.lifted, views.skeleton, solution.last, solution.covariance, options
-    )
-    calibration = _judged(recording, views, solution, alignment, options)
+    calibration, alignment = _judged(recording, problem, solution)
     return Stages(
         views.skeleton,
         views.lifted,
@@ -148,9 +145,9 @@ def _problem(
     options: Options,
     control: Control,
     executor: Executor | None,
-) -> Problem:
+) -> CalibrationProblem:
     names = tuple(camera.name for camera in views.lifted)
-    return Problem(
+    return CalibrationProblem(
         views,
         selection.cameras,
         Exclusions(names, options.offset_range_s, selection.rejected),
@@ -162,15 +159,15 @@ def _problem(
 
 
 def _judged(
-    recording: Recording,
-    views: LiftedViews,
-    solution: Solution,
-    alignment: WorldAlignment,
-    options: Options,
-) -> Calibration:
+    recording: Recording, problem: CalibrationProblem, solution: Solution
+) -> tuple[Calibration, WorldAlignment]:
     """Judge a solution, and express it in the unit and frame of the result."""
+    views, options = problem.views, problem.options
+    alignment = place(
+        recording, views.lifted, views.skeleton, solution.last, solution.covariance, options
+    )
     status, message = judge(views.lifted, views.skeleton, solution, alignment.complaint)
-    return make_calibration(
+    calibration = make_calibration(
         recording,
         views.lifted,
         views.skeleton,
@@ -182,3 +179,4 @@ def _judged(
         uncalibrated=solution.exclusions.cameras,
         world_frame=options.world_frame,
     )
+    return calibration, alignment

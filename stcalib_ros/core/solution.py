@@ -27,7 +27,7 @@ from stcalib_ros.core.validation.verdict import Solution, rivalry
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Problem:
+class CalibrationProblem:
     """The input of the stages after lifting.
 
     Attributes
@@ -55,12 +55,14 @@ class Problem:
     executor: Executor | None = None
 
 
-def adjust_rigs(problem: Problem, rigs: Sequence[Rig], exclusions: Exclusions) -> Solution:
+def adjust_rigs(
+    problem: CalibrationProblem, rigs: Sequence[Rig], exclusions: Exclusions
+) -> Solution:
     """Adjust candidate rigs, and bring the one that fits best to the end (STBA, ISTBA).
 
     Parameters
     ----------
-    problem : Problem
+    problem : CalibrationProblem
     rigs : sequence of Rig
         Candidates, the best supported first.
     exclusions : Exclusions
@@ -82,7 +84,7 @@ def adjust_rigs(problem: Problem, rigs: Sequence[Rig], exclusions: Exclusions) -
     return replace(_solve(problem, start), doubt=doubt)
 
 
-def _adjust_initially(problem: Problem, rig: Rig, exclusions: Exclusions) -> Start:
+def _adjust_initially(problem: CalibrationProblem, rig: Rig, exclusions: Exclusions) -> Start:
     """Make the initial adjustment at a rig, without the cameras that it disconnects."""
     for _ in range(len(rig.cameras)):
         result = initial_adjustment(
@@ -94,7 +96,7 @@ def _adjust_initially(problem: Problem, rig: Rig, exclusions: Exclusions) -> Sta
     raise AssertionError("a rig of fewer than two cameras is never adjusted")
 
 
-def _iterate(problem: Problem, start: Start) -> tuple[tuple[Iteration, ...], Exclusions]:
+def _iterate(problem: CalibrationProblem, start: Start) -> tuple[tuple[Iteration, ...], Exclusions]:
     """Run ISTBA, without the cameras that it disconnects."""
     for _ in range(len(start.iteration.rig.cameras)):
         result = run_istba(
@@ -111,7 +113,7 @@ def _iterate(problem: Problem, start: Start) -> tuple[tuple[Iteration, ...], Exc
     raise AssertionError("a rig of fewer than two cameras is never adjusted")
 
 
-def _solve(problem: Problem, start: Start) -> Solution:
+def _solve(problem: CalibrationProblem, start: Start) -> Solution:
     """Bring an initial adjustment to the end, and check its cameras."""
     views, options = problem.views, problem.options
     iterations, exclusions = _iterate(problem, start)
@@ -127,7 +129,7 @@ def _solve(problem: Problem, start: Start) -> Solution:
 
 
 def check_solution(
-    problem: Problem,
+    problem: CalibrationProblem,
     iterations: tuple[Iteration, ...],
     covariance: Float64Array,
     exclusions: Exclusions,
@@ -144,7 +146,7 @@ def check_solution(
     return Solution(iterations, covariance, checks, exclusions)
 
 
-def _exclude_unreliable(problem: Problem, start: Start) -> Solution:
+def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
     """Solve, and again without the least reliable camera while fewer than half fail the checks."""
     found = _solve(problem, start)
     for _ in range(len(start.iteration.rig.cameras)):
@@ -161,7 +163,7 @@ def _exclude_unreliable(problem: Problem, start: Start) -> Solution:
     return found
 
 
-def _reinstate_excluded(problem: Problem, before: Solution) -> Solution:
+def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Solution:
     """Take back cameras that can be registered now that the people are known, if any can."""
     if not before.sound:
         return before
