@@ -19,8 +19,8 @@ CORE = f"{PACKAGE}.core"
 
 STAGES = (
     *("errors", "model", "options", "geometry", "lifting", "registration", "integration"),
-    *("bundle", "refinement", "reconstruction", "paper", "validation", "output", "stages"),
-    *("pipeline", "evaluation"),
+    *("bundle", "control", "refinement", "reconstruction", "paper", "validation", "output"),
+    *("stages", "solution", "methods", "pipeline", "evaluation"),
 )
 """Parts of core/ from the bottom up: each imports only from those before it (and itself)."""
 
