@@ -9,12 +9,12 @@ from pathlib import Path
 import bag_helpers as bags
 import numpy as np
 import pytest
+from bag_helpers import CAMERA_INFO, POSES, schema_text
 
 from stcalib_ros.cli import main
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_bag
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES, schema_text
 
 Maker = Callable[[Path], Path]
 

@@ -161,7 +161,7 @@ def test_each_camera_says_what_is_wrong_with_it(played):
     assert said["zooms"]["flushes"] == "1"
     log = live.log.read_text()
     assert "/zooms/camera_info: CameraInfo changes: width was" in log
-    assert "what was received before is forgotten" in log
+    assert "what was received before is discarded" in log
 
 
 def test_all_that_can_be_calibrated_are(result, scene):

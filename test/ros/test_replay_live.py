@@ -217,7 +217,7 @@ def test_when_the_bag_begins_again_the_node_forgets_and_calibrates_again(
         player.kill()
     log = calibrator.log.read_text()
     for name in NAMES:
-        assert re.search(f"/{name}/person_poses: time jumps back from .* is forgotten", log)
+        assert re.search(f"/{name}/person_poses: time jumps back from .* is discarded", log)
     assert "the bag begins again: time jumps back" in player.log.read_text()
     assert calibrator.stop()[0] == 0
     assert "Traceback" not in log + player.log.read_text()
