@@ -69,6 +69,13 @@ def read_bag(
     ------
     InputError
         The bag is missing, damaged or holds nothing of use; the message says what and what to do.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> st.write_bag(st.simulate(st.SceneOptions(n_cameras=2, n_frames=30)).recording, "walk.mcap")
+    >>> [(camera.name, len(camera.stamps)) for camera in st.read_bag("walk.mcap").cameras]
+    [('cam0', 30), ('cam1', 30)]
     """
     warn = warn or logging.getLogger(__name__).warning
     files, cameras = open_bag(path, selection=selection)

@@ -46,7 +46,7 @@ class _Message(NamedTuple):
     data: bytes
 
 
-def write_recording(recording: Recording, path: Path | str) -> None:
+def write_bag(recording: Recording, path: Path | str) -> None:
     """Write person poses and CameraInfo of every camera as a bag.
 
     Parameters
@@ -61,6 +61,12 @@ def write_recording(recording: Recording, path: Path | str) -> None:
     ------
     InputError
         The bag cannot be written there. Nothing is left behind then, nor after Ctrl-C.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> scene = st.simulate(st.SceneOptions(n_cameras=2, n_frames=30))
+    >>> st.write_bag(scene.recording, "walk.mcap")
     """
     path = Path(path)
     if not _is_folder_name(path):

@@ -19,6 +19,7 @@ _LINE_WIDTH, _TEXT_HEIGHT = 0.03, 0.4
 """Fractions of the length of a frustum."""
 
 _COLOR = ColorRGBA(r=0.1, g=0.5, b=0.9, a=1.0)
+"""Red, green, blue and opacity of the cameras, 0 to 1: visible on dark and on light backgrounds."""
 
 
 def camera_markers(calibration: Calibration, *, stamp: Time) -> MarkerArray:

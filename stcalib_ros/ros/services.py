@@ -43,7 +43,7 @@ class Run:
     feedback: Feedback | None
 
 
-class Calibrator(Protocol):
+class ServedCalibrator(Protocol):
     """What the services ask of the node."""
 
     def start(
@@ -78,10 +78,10 @@ class Services:
     Parameters
     ----------
     node : rclpy.node.Node
-    calibrator : Calibrator
+    calibrator : ServedCalibrator
     """
 
-    def __init__(self, node: Any, calibrator: Calibrator) -> None:
+    def __init__(self, node: Any, calibrator: ServedCalibrator) -> None:
         self._calibrator = calibrator
         self._running: Any = None
         long = ReentrantCallbackGroup()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.cdr import CdrWriter
 from stcalib_ros.io.mcap_source import RawMessage, raw_messages
 from stcalib_ros.io.topics import SelectedCamera
@@ -25,7 +25,7 @@ CAMERA = SelectedCamera("cam0", "/cam0/person_poses", "/cam0/camera_info", None)
 def messages(tmp_path_factory: pytest.TempPathFactory) -> list[RawMessage]:
     path = tmp_path_factory.mktemp("bag") / "walk.mcap"
     options = SceneOptions(n_cameras=2, n_people=2, n_frames=40, seed=1)
-    write_recording(simulate(options).recording, path)
+    write_bag(simulate(options).recording, path)
     return list(raw_messages([path], frozenset({CAMERA.pose_topic, CAMERA.info_topic})))
 
 

@@ -28,7 +28,7 @@ from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mcap_source import RawMessage
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result
@@ -41,7 +41,7 @@ NAMES = ("cam0", "cam1", "cam2")
 
 def simulated(path: Path, n_frames: int) -> Path:
     options = SceneOptions(n_cameras=3, n_people=2, n_frames=n_frames, seed=1)
-    write_recording(simulate(options, clips=shipped_clips()).recording, path)
+    write_bag(simulate(options, clips=shipped_clips()).recording, path)
     return path
 
 

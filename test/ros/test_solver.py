@@ -16,7 +16,7 @@ from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.assemble import CameraImages, assemble_recording
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mcap_source import raw_messages
 from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, decode
 from stcalib_ros.io.messages import camera_info_fields, pose_image
@@ -29,7 +29,7 @@ NAMES = ("cam0", "cam1")
 def cameras(tmp_path_factory: pytest.TempPathFactory) -> list[CameraImages]:
     path: Path = tmp_path_factory.mktemp("bag") / "walk.mcap"
     options = SceneOptions(n_cameras=2, n_people=1, n_frames=150, seed=3)
-    write_recording(simulate(options).recording, path)
+    write_bag(simulate(options).recording, path)
     return [of_camera(path, name) for name in NAMES]
 
 

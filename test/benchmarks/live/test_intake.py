@@ -16,7 +16,7 @@ from benchmarks.cost.process import Usage, usage
 from benchmarks.live.figures import Observed, Sample, Solve, rows
 from benchmarks.live.player import Sent, images_of, stamped
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, decode
 from stcalib_ros.io.messages import stamp_ns
 
@@ -124,7 +124,7 @@ def test_usage_of_a_process_and_its_children():
 def test_the_player_restamps_and_nothing_else(tmp_path):
     path = tmp_path / "walk.mcap"
     scene = simulate(SceneOptions(n_cameras=3, n_people=1, n_frames=10, seed=1))
-    write_recording(scene.recording, path)
+    write_bag(scene.recording, path)
     images, lenses = images_of(path, ["cam0", "cam2"])
     assert [image.camera for image in images[:2]] == ["cam0", "cam2"]
     assert len(images) == 20
