@@ -183,6 +183,8 @@ class Options:
     estimate_line_time : bool
         Estimate the line times of rolling shutters, from those of the recording on; not with
         ``registration.method`` "vmf".
+    registration, vmf, integration, bundle, scale : options of their own
+        Options of single stages.
     """
 
     reference: str | None = None

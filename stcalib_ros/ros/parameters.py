@@ -14,9 +14,8 @@ from stcalib_ros.core.monitoring.alarms import Thresholds
 from stcalib_ros.core.options import Options, options_from_mapping
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.io.yaml_files import parse_yaml
+from stcalib_ros.ros.limits import MAX_CAMERAS, MIN_CAMERAS
 from stcalib_ros.ros.streams import Limits
-
-MAX_CAMERAS = 64
 
 _NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 
@@ -177,7 +176,7 @@ def all_specs(cameras: Iterable[str]) -> tuple[Spec, ...]:
     return (*own, *NODE_SPECS, *OPTION_SPECS)
 
 
-def require_camera_names(names: Iterable[str], *, at_least: int = 2) -> tuple[str, ...]:
+def require_camera_names(names: Iterable[str], *, at_least: int = MIN_CAMERAS) -> tuple[str, ...]:
     """Camera names that can be part of topics and parameters.
 
     Raises

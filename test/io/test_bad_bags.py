@@ -9,12 +9,12 @@ from pathlib import Path
 import bag_helpers as bags
 import numpy as np
 import pytest
+from bag_helpers import CAMERA_INFO, POSES, schema_text
 
 from stcalib_ros.cli import main
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.bag_writer import write_recording
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES, schema_text
+from stcalib_ros.io.bag_writer import write_bag
 
 Maker = Callable[[Path], Path]
 
@@ -285,7 +285,7 @@ def test_comments_and_spaces_of_the_definition_do_not_matter(tmp_path: Path) -> 
 
 
 def test_truncation_anywhere_is_reported(tmp_path: Path) -> None:
-    write_recording(bags.small_recording(), tmp_path / "a.mcap")
+    write_bag(bags.small_recording(), tmp_path / "a.mcap")
     content = (tmp_path / "a.mcap").read_bytes()
     rng = random.Random(1)
     for length in [*range(12), *(rng.randrange(len(content)) for _ in range(50))]:
@@ -295,7 +295,7 @@ def test_truncation_anywhere_is_reported(tmp_path: Path) -> None:
 
 
 def test_changed_bytes_never_give_another_error(tmp_path: Path) -> None:
-    write_recording(bags.small_recording(), tmp_path / "a.mcap")
+    write_bag(bags.small_recording(), tmp_path / "a.mcap")
     content = (tmp_path / "a.mcap").read_bytes()
     rng = random.Random(2)
     refused = 0

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 
 from stcalib_ros.io.cdr import CdrReader, CdrWriter
-from stcalib_ros.io.decode import decode
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES
+from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, decode
 
 KINDS = {
     "boolean": st.booleans(),
@@ -52,7 +51,7 @@ def test_no_cdr(data: bytes) -> None:
         CdrReader(data)
 
 
-@pytest.mark.parametrize("kind", [POSES, CAMERA_INFO])
+@pytest.mark.parametrize("kind", [PERSON_POSES.name, CAMERA_INFO.name])
 @given(data=st.binary(max_size=300))
 def test_any_bytes_give_a_message_or_an_error(kind: str, data: bytes) -> None:
     with contextlib.suppress(ValueError, struct.error):

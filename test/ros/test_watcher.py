@@ -135,6 +135,25 @@ def test_another_calibration_is_watched_from_its_beginning(turned):
     assert live.watcher.changed_s == after_s
 
 
+@pytest.mark.parametrize("skew", [25e-6, 40e-6])
+def test_a_clock_that_drifts_as_calibrated_is_no_alarm(quiet, skew):
+    """After a day 25 ppm are 2.2 s, more than a span; 40 ppm are 3.5 s, enough for an alarm."""
+    elapsed_s = 86_400.0
+    drifting = tuple(
+        replace(c, clock_skew=skew, time_offset_s=c.time_offset_s - skew * elapsed_s)
+        if c.name == "cam1"
+        else c
+        for c in quiet.truth.cameras
+    )
+    live = Live(quiet)
+    live.watcher.begin(
+        replace(quiet.truth, cameras=drifting, epoch_s=quiet.truth.epoch_s - elapsed_s)
+    )
+    said = live.play()
+    assert {(v.name, v.state) for v in said} == {(n, State.OK) for n in quiet.rig.names}
+    assert live.watcher.complaint == ""
+
+
 def test_who_comes_late_is_waited_for(turned):
     said = Live(turned).play(lag_s={"cam0": 1.5})
     assert alarms(said) == [("cam1", State.MOVED)]

@@ -31,6 +31,25 @@ class Selection:
     rejected: tuple[UncalibratedCamera, ...]
 
 
+def require_usable(recording: Recording, options: Options) -> int:
+    """Check a recording against the options.
+
+    Returns
+    -------
+    int
+        Index of the reference camera.
+
+    Raises
+    ------
+    InputError
+        The reference, a known distance or a line delay cannot be used with this recording.
+    """
+    reference = require_reference(recording, options)
+    require_known_cameras(recording, options)
+    require_line_times(recording)
+    return reference
+
+
 def require_reference(recording: Recording, options: Options) -> int:
     """Index of the reference camera.
 

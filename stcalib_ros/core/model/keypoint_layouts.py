@@ -223,6 +223,13 @@ def find_layout(name: str, joint_names: Sequence[str] = ()) -> Layout:
     ------
     InputError
         No layout of that name is known and no joint names are given.
+
+    Examples
+    --------
+    >>> find_layout("coco_17").joint_names[:3]
+    ('nose', 'left_eye', 'right_eye')
+    >>> find_layout("", ["pelvis", "neck", "head"]).parents
+    (-1, 0, 1)
     """
     if joint_names:
         known = LAYOUTS.get(name)

@@ -14,6 +14,7 @@ from stcalib_ros.core.integration.association import associate
 from stcalib_ros.core.lifting.lift import lift_recording
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
+from stcalib_ros.core.model.clocks import clock_correction
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rig import Rig
@@ -148,8 +149,10 @@ def _thinned(camera: CameraRecording) -> CameraRecording:
 def _on_reference_clock(
     camera: LiftedCamera, pose: CameraCalibration, since_epoch_s: float
 ) -> LiftedCamera:
-    drift = pose.clock_skew * (camera.stamps + since_epoch_s)
-    return replace(camera, stamps=camera.stamps + pose.time_offset_s + drift)
+    correction_s = clock_correction(
+        pose.time_offset_s, pose.clock_skew, camera.stamps + since_epoch_s
+    )
+    return replace(camera, stamps=camera.stamps + correction_s)
 
 
 def _rig(poses: Sequence[CameraCalibration]) -> Rig:

@@ -13,6 +13,31 @@ from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.skeleton import Skeleton
 
 
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Uniform sample times ``start_s + k step_s``, k < n, by the clock of every camera.
+
+    Attributes
+    ----------
+    start_s, step_s : float
+        Time of the first sample and between samples, seconds.
+    n : int
+        Number of samples.
+    """
+
+    start_s: float
+    step_s: float
+    n: int
+
+
+def common_grid(cameras: Sequence[LiftedCamera]) -> Grid:
+    """Return the grid that spans all frames of some cameras, at their common step."""
+    step_s = common_step(cameras)
+    start_s = min(float(camera.stamps[0]) for camera in cameras)
+    end_s = max(float(camera.stamps[-1]) for camera in cameras)
+    return Grid(start_s, step_s, int((end_s - start_s) / step_s) + 1)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class GridTracks:
     """Oriented points and positions of one camera's tracks on the grid of `step` seconds.

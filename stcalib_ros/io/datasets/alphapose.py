@@ -73,8 +73,8 @@ def _camera(
         people = _by_track(results)
         rows = []
         for track, items in people.items():
-            X3D = _lifted(folder, track, len(items))
-            for pose, item in zip(X3D, items, strict=True):
+            X_3d = _lifted(folder, track, len(items))
+            for pose, item in zip(X_3d, items, strict=True):
                 frame = index.get(_frame_number(item["image_id"]))
                 if frame is not None:
                     rows.append((frame, track, h36m_keypoints(item["keypoints"]), pose))
@@ -104,19 +104,19 @@ def _by_track(results: list[dict[str, Any]]) -> dict[int, list[dict[str, Any]]]:
 def _lifted(folder: Path, track: int, n: int) -> Float64Array:
     path = folder / str(track) / "X3D.npy"
     try:
-        X3D = np.load(path, allow_pickle=False)
+        X_3d = np.load(path, allow_pickle=False)
     except FileNotFoundError:
         raise InputError(
             f"no such file: {path}: run MotionBERT with --focus {track} on {folder.name}"
         ) from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} is no readable .npy file: {error}") from error
-    if X3D.shape != (n, 17, 3):
+    if X_3d.shape != (n, 17, 3):
         raise InputError(
-            f"{path} has shape {X3D.shape}, expected ({n}, 17, 3): one pose for every appearance "
+            f"{path} has shape {X_3d.shape}, expected ({n}, 17, 3): one pose for every appearance "
             f"of person {track} in alphapose-results.json"
         )
-    return np.asarray(X3D, dtype=np.float64)
+    return np.asarray(X_3d, dtype=np.float64)
 
 
 def _frame_number(image_id: str | int) -> int:
