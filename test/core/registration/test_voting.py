@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import tracemalloc
 from dataclasses import replace
 
@@ -211,7 +212,7 @@ def fragments(tracks, n):
     N = tracks.position.shape[1]
     cuts = np.linspace(0, N, n + 1).astype(int)
     pieces = []
-    for begin, end in zip(cuts[:-1], cuts[1:], strict=True):
+    for begin, end in itertools.pairwise(cuts):
         oriented = np.zeros_like(tracks.oriented)
         position = np.full_like(tracks.position, np.nan)
         oriented[:, begin:end] = tracks.oriented[:, begin:end]
