@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.monitoring.alarms import Thresholds
-from stcalib_ros.core.options import Options, options_from_mapping
+from stcalib_ros.core.options import Options, option_ranges, options_from_mapping
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.io.yaml_files import parse_yaml
 from stcalib_ros.ros.limits import MAX_CAMERAS, MIN_CAMERAS
@@ -80,44 +80,50 @@ NODE_SPECS = (
     *TF_SPECS,
 )
 
-OPTION_SPECS = (
+_OPTIONS = (
     Spec("reference", "", "Camera that gives the reference frame and clock; empty: the first."),
-    Spec("offset_range_s", 2.0, "Clocks are searched within +- this; 0: they agree.", 0.0, 60.0),
-    Spec("min_score", 0.3, "Joints with a lower score are not used.", 0.0, 1.0),
-    Spec("min_common_frames", 12, "Images that two cameras must share in time.", 2, 10_000),
+    Spec("offset_range_s", 2.0, "Clocks are searched within +- this; 0: they agree."),
+    Spec("min_score", 0.3, "Joints with a lower score are not used."),
+    Spec("min_common_frames", 12, "Images that two cameras must share in time."),
     Spec(
         "world_frame",
         "",
         "Frame with z up and the floor at 0 for the poses; empty: that of the reference camera.",
     ),
     Spec("estimate_line_time", False, "Estimate the line times of rolling shutters."),
-    Spec("scale.poses_sigma", 0.1, "Of metric 3D poses, as a share.", 1e-4, 1.0),
-    Spec("scale.body_height_m", 0.0, "Mean height of the people; 0: not known.", 0.0, 3.0),
-    Spec("scale.body_height_sigma_m", 0.09, "Of one of them.", 1e-3, 1.0),
+    Spec("scale.poses_sigma", 0.1, "Of metric 3D poses, as a share."),
+    Spec("scale.body_height_m", 0.0, "Mean height of the people; 0: not known."),
+    Spec("scale.body_height_sigma_m", 0.09, "Of one of them."),
     Spec(
         "scale.distances",
         "",
         "Known distances, a list in YAML's short form as in calibrate.yaml; empty: none.",
     ),
-    Spec("seed", 0, "Same seed, same result.", 0, 2**31),
+    Spec("seed", 0, "Same seed, same result."),
     Spec("registration.method", "correlation", "Or vmf: the paper's own method."),
-    Spec("registration.min_overlap", 12, "Samples that two tracks must share.", 2, 10_000),
-    Spec("registration.n_candidates", 200, "Track pairs and lags that vote.", 1, 100_000),
-    Spec("registration.n_hypotheses", 12, "Hypotheses kept of a pair.", 1, 1000),
-    Spec("registration.n_refined", 5, "Of which so many are refined.", 1, 1000),
-    Spec("vmf.window", 15, "Frames of a window, T.", 2, 10_000),
-    Spec("vmf.n_windows", 20, "Windows at most.", 1, 10_000),
-    Spec("vmf.n_hypothesised", 2, "Persons that RANSAC takes to be visible; 0: none.", 0, 100),
+    Spec("registration.min_overlap", 12, "Samples that two tracks must share."),
+    Spec("registration.n_candidates", 200, "Track pairs and lags that vote."),
+    Spec("registration.n_hypotheses", 12, "Hypotheses kept of a pair."),
+    Spec("registration.n_refined", 5, "Of which so many are refined."),
+    Spec("vmf.window", 15, "Frames of a window, T."),
+    Spec("vmf.n_windows", 20, "Windows at most."),
+    Spec("vmf.n_hypothesised", 2, "Persons that RANSAC takes to be visible; 0: none."),
     Spec("vmf.initial", "random", "First rotations: random or candidates."),
-    Spec("vmf.n_starts", 10, "Random first rotations.", 1, 10_000),
+    Spec("vmf.n_starts", 10, "Random first rotations."),
     Spec("vmf.search_offsets", True, "In pairs; else in the adjustment alone."),
-    Spec("vmf.no_match_rad", 0.5, "Bones that differ more are no match.", 0.01, 3.1),
+    Spec("vmf.no_match_rad", 0.5, "Bones that differ more are no match."),
     Spec("vmf.turn_poses", False, "Turn poses onto their key points first."),
-    Spec("integration.n_trees", 300, "Random spanning trees tried.", 1, 100_000),
-    Spec("bundle.rounds", 5, "Rounds of association and adjustment.", 1, 100),
-    Spec("bundle.max_iterations", 12, "Steps of a round.", 1, 1000),
-    Spec("bundle.outlier_factor", 3.0, "Times the median error: outliers.", 1.0, 100.0),
-    Spec("bundle.outlier_floor_px", 12.0, "But never below this, px.", 0.0, 1000.0),
+    Spec("integration.n_trees", 300, "Random spanning trees tried."),
+    Spec("bundle.rounds", 5, "Rounds of association and adjustment."),
+    Spec("bundle.max_iterations", 12, "Steps of a round."),
+    Spec("bundle.outlier_factor", 3.0, "Times the median error: outliers."),
+    Spec("bundle.outlier_floor_px", 12.0, "But never below this, px."),
+)
+
+_RANGES = option_ranges()
+OPTION_SPECS = tuple(
+    replace(spec, **_RANGES[spec.name]._asdict()) if spec.name in _RANGES else spec
+    for spec in _OPTIONS
 )
 
 
