@@ -11,7 +11,7 @@ import numpy as np
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.alignment import umeyama
 from stcalib_ros.core.geometry.so3 import rotation_angle
-from stcalib_ros.core.geometry.triangulation import triangulate
+from stcalib_ros.core.geometry.triangulation import triangulate, unit_rays
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.model.calibration import Calibration, PersonAssociation
 
@@ -227,9 +227,7 @@ def triangulation_errors(
     (..., C) ndarray
         NaN where not seen, or where no point can be had from the rays.
     """
-    b = np.concatenate([x, np.ones_like(x[..., :1])], -1)
-    b = b / np.linalg.norm(b, axis=-1, keepdims=True)
-    rays = np.einsum("cij,...cj->...ci", R_ref_cam, b)
+    rays = np.einsum("cij,...cj->...ci", R_ref_cam, unit_rays(x))
     centres = np.broadcast_to(t_ref_cam, rays.shape)
     X, _ = triangulate(centres, np.where(seen[..., None], rays, 0.0), seen.astype(float))
     Y = np.einsum("cij,...ci->...cj", R_ref_cam, X[..., None, :] - t_ref_cam)

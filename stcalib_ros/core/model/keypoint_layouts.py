@@ -63,6 +63,10 @@ _BODY_PARENT = {
 """Usual parent of a joint, by name; where a layout lacks it, its own parent serves."""
 
 
+TRUNK_JOINTS = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
+"""Joints whose mean is the middle of the body."""
+
+
 @dataclass(frozen=True, slots=True)
 class Layout:
     """Names and parents of the joints of one pose format.

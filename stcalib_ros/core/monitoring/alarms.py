@@ -9,10 +9,10 @@ from enum import Enum
 
 import numpy as np
 
+from stcalib_ros.core.geometry.robust import RMS_OVER_MEDIAN
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.monitoring.change_detection import (
     CLOCK,
-    RMS_OVER_MEDIAN,
     ROTATION,
     SHIFT,
     Finding,

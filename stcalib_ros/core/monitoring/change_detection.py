@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.geometry.robust import MIN_NOISE_PX, NOISE_MARGIN, RMS_OVER_MEDIAN
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.monitoring.matching import SpanObservations
 
 _ITERATIONS = 6
-_NOISE_FLOOR_PX = 3.0
 _CORRELATED = 60.0
 """Key points that make one independent measurement: joints of one body, moment after moment."""
 _PRIOR = np.repeat([0.3, 0.3, 0.5], [3, 3, 1])
@@ -32,8 +32,6 @@ _WORTH_A_SHIFT = 1.0
 people at other places than those it was made from gain a little by both."""
 _RIVAL = 0.7
 _ALTERNATIONS = 3
-RMS_OVER_MEDIAN = 1.48
-"""Of distances whose errors are normal."""
 _FITS = 1.5
 _FITS_PX = 12.0
 
@@ -106,7 +104,7 @@ def detect_changes(sightings: SpanObservations, promised_px: Float64Array) -> tu
         Root mean square epipolar distance of every two cameras that the calibration promises.
     """
     C = len(sightings.names)
-    noise = np.maximum(promised_px, _NOISE_FLOOR_PX)
+    noise = np.maximum(promised_px, MIN_NOISE_PX)
     fits, alike = _attributed(_believable(sightings, noise), noise)
     return tuple(
         Finding(
@@ -180,7 +178,7 @@ def _corrected(
 
 def best_fit(sightings: SpanObservations, c: int, noise_px: Float64Array) -> Fit:
     """A turn and a jump of the clock; a displacement, too, where that explains clearly more."""
-    points = _Points.of(sightings, c, noise_px)
+    points = _EpipolarPoints.of(sightings, c, noise_px)
     turned = fit_change(points, _TURN_AND_CLOCK)
     promise_holds = RMS_OVER_MEDIAN * turned.before_px <= float(np.median(noise_px))
     if turned.n_points < _MIN_POINTS or promise_holds:
@@ -189,7 +187,7 @@ def best_fit(sightings: SpanObservations, c: int, noise_px: Float64Array) -> Fit
     return moved if moved.gain > 1.15 * turned.gain + _WORTH_A_SHIFT else turned
 
 
-def fit_change(points: _Points, parameters: IntArray) -> Fit:
+def fit_change(points: _EpipolarPoints, parameters: IntArray) -> Fit:
     """Fit those of the seven parameters that are named; the others are held at 0."""
     zero, none = np.zeros(7), np.zeros((7, 7))
     M, n = len(points.x), points.n
@@ -200,7 +198,7 @@ def fit_change(points: _Points, parameters: IntArray) -> Fit:
     change, (start, J) = zero, points.residuals(zero)
     r = start
     for _ in range(_ITERATIONS):
-        scale = np.maximum(points.noise, 1.5 * RMS_OVER_MEDIAN * np.median(np.abs(r)))
+        scale = np.maximum(points.noise, NOISE_MARGIN * RMS_OVER_MEDIAN * np.median(np.abs(r)))
         w = independent / (scale**2 + r**2)
         A = (J.T * w) @ J + np.diag(_PRIOR**-2.0)
         g = (J.T * w) @ r + change / _PRIOR**2
@@ -226,29 +224,28 @@ _SETTLED = np.repeat([1e-4, 1e-3, 1e-4], [3, 3, 1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Points:
+class _EpipolarPoints:
     """Key points of one camera beside those of the same joints in the others, in its frame."""
 
     x: Float64Array  # (M, 3)
     v: Float64Array  # (M, 3)
     y: Float64Array  # (M, 3) direction of the other camera's ray
     t: Float64Array  # (M, 3) centre of the other camera
-    x_other: Float64Array  # (M, 3)
     R: Float64Array  # (M, 3, 3) optical frame of the other to that of this camera
     focal: Float64Array  # (M,)
     noise: Float64Array  # (M,)
     n: int  # for which the M stand
 
     @staticmethod
-    def of(s: SpanObservations, c: int, noise_px: Float64Array) -> _Points:
+    def of(s: SpanObservations, c: int, noise_px: Float64Array) -> _EpipolarPoints:
         others = [j for j in range(len(s.names)) if j != c]
         parts = [_pair(s, c, j, float(noise_px[j])) for j in others]
         n = sum(len(part[0]) for part in parts)
         stride = max(1, -(-n // _MAX_POINTS))
-        x, v, y, t, other, R, focal, noise = (
+        x, v, y, t, R, focal, noise = (
             np.concatenate(column)[::stride] for column in zip(*parts, strict=True)
         )
-        return _Points(x, v, y, t, other, R, focal, noise, n)
+        return _EpipolarPoints(x, v, y, t, R, focal, noise, n)
 
     def residuals(self, change: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Signed Sampson distances (M,), px, and their derivatives (M, 7)."""
@@ -276,7 +273,6 @@ def _pair(s: SpanObservations, c: int, j: int, noise_px: float) -> tuple[Float64
         v,
         other @ R.T,
         np.tile(t, (M, 1)),
-        other,
         np.tile(R, (M, 1, 1)),
         focal,
         np.full(M, noise_px),

@@ -15,7 +15,7 @@ from stcalib_ros.core.lifting.lift import lift_recording
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.clocks import clock_correction
-from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.lifted import LiftedCamera, time_span
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.rolling_shutter import with_known_line_times
@@ -180,7 +180,7 @@ def metres_per_unit(cameras: Sequence[LiftedCamera], rig: Rig) -> float:
     float
         1 if nobody is seen by two cameras.
     """
-    start, end = _span(cameras)
+    start, end = time_span(cameras, rig.offset_s)
     times = np.linspace(start, end, _SCALE_SAMPLES + 2)[1:-1]
     bodies = [
         np.stack([_body(camera, track.joints_cam, track.frames, times) for track in camera.tracks])
@@ -212,10 +212,6 @@ def metres_per_unit(cameras: Sequence[LiftedCamera], rig: Rig) -> float:
     return float(np.median(chosen)) if len(chosen) else float(candidates[best])
 
 
-def _span(cameras: Sequence[LiftedCamera]) -> tuple[float, float]:
-    return min(c.stamps[0] for c in cameras), max(c.stamps[-1] for c in cameras)
-
-
 def _body(
     camera: LiftedCamera, joints_cam: Float64Array, frames: IntArray, times: Float64Array
 ) -> Float64Array:
@@ -231,7 +227,7 @@ def _body(
 def _sightings(
     recording: Recording, cameras: Sequence[LiftedCamera], rig: Rig, unit_m: float
 ) -> SpanObservations:
-    start, end = _span(cameras)
+    start, end = time_span(cameras, rig.offset_s)
     found = associate(
         cameras, rig, step_s=(end - start + 1e-3) / _SLOT_SAMPLES, floor_px=_TOLERANCE_PX
     )

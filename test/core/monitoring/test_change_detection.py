@@ -15,7 +15,7 @@ from stcalib_ros.core.monitoring.change_detection import (
     CLOCK,
     ROTATION,
     SHIFT,
-    _Points,
+    _EpipolarPoints,
     detect_changes,
 )
 from stcalib_ros.core.monitoring.matching import associate_span
@@ -124,8 +124,8 @@ def test_derivatives_are_those_of_the_residuals(seed, change):
     R = exp_so3(rng.standard_normal(3))
     v = np.concatenate([rng.standard_normal((6, 2)), np.zeros((6, 1))], axis=1)
     t = np.tile(rng.standard_normal(3) + np.array([3.0, 0.0, 0.0]), (6, 1))
-    points = _Points(
-        x, v, y @ R.T, t, y, np.tile(R, (6, 1, 1)), rng.uniform(500, 1500, 6), np.ones(6), 6
+    points = _EpipolarPoints(
+        x, v, y @ R.T, t, np.tile(R, (6, 1, 1)), rng.uniform(500, 1500, 6), np.ones(6), 6
     )
     r, J = points.residuals(np.zeros(7))
     # The scale of the Sampson distance is held in the derivative: exact where the residual is 0.
