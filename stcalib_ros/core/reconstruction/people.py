@@ -72,7 +72,7 @@ def joint_paths(last: Iteration) -> Iterator[Float64Array]:
     """
     o = last.observations
     for part in person_rows_of(o):
-        yield _path(last, np.arange(part.start, part.stop))
+        yield joint_path(last, np.arange(part.start, part.stop))
 
 
 def people_on_grid(
@@ -113,7 +113,7 @@ def people_on_grid(
     return tracks_on_grid("people", paths, skeleton, start=start, step=o.step_s, n=n), numbers
 
 
-def _path(last: Iteration, rows: IntArray) -> Float64Array:
+def joint_path(last: Iteration, rows: IntArray) -> Float64Array:
     """Joints (K, J, 3) of the rows of one person, from his first knot to his last."""
     knots = last.observations.knot[rows] - last.observations.knot[rows[0]]
     known: BoolArray = last.state.used[rows].sum(1) >= 2
