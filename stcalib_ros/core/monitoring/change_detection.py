@@ -32,12 +32,14 @@ RMS_OVER_MEDIAN = 1.48
 """Root mean square over median of the absolute values of a normal distribution, 1 / 0.6745."""
 
 ROTATION, SHIFT, CLOCK = slice(0, 3), slice(3, 6), 6
-"""Their positions in the seven parameters of a change."""
+"""Positions of the parameters of a change."""
+N_CHANGES = 7
+"""Number of parameters of a change: three of rotation, three of displacement, one of the clock."""
 
-_ROTATION_AND_CLOCK = np.array([0, 1, 2, 6])
-"""Parameters of a change without a displacement, as positions in all seven."""
-_ALL_PARAMETERS = np.arange(7)
-"""Parameters of any change: three of rotation, three of displacement, one of the clock."""
+_ALL_PARAMETERS = np.arange(N_CHANGES)
+"""Positions of the parameters of any change."""
+_ROTATION_AND_CLOCK = np.delete(_ALL_PARAMETERS, SHIFT)
+"""Positions of the parameters of a change without a displacement."""
 
 _MAX_POINTS = 900
 """Pairs of keypoints of one camera, count; of more, a regular part is compared that represents all.
@@ -211,7 +213,7 @@ def best_fit(obs: SpanObservations, c: int, noise_px: Float64Array) -> ChangeFit
 
 def fit_change(points: _PointPairs, parameters: IntArray) -> ChangeFit:
     """Estimate some of the seven parameters by robust Gauss-Newton; the others are held at 0."""
-    zero, none = np.zeros(7), np.zeros((7, 7))
+    zero, none = np.zeros(N_CHANGES), np.zeros((N_CHANGES, N_CHANGES))
     M, n = len(points.x), points.n
     if M < MIN_POINTS:
         return ChangeFit(zero, none, np.nan, np.nan, 0.0, M)
@@ -224,7 +226,7 @@ def fit_change(points: _PointPairs, parameters: IntArray) -> ChangeFit:
         w = independent / (scale**2 + r**2)
         A = (J.T * w) @ J + np.diag(PRIOR_STDDEV**-2.0)
         g = (J.T * w) @ r + change / PRIOR_STDDEV**2
-        step = np.zeros(7)
+        step = np.zeros(N_CHANGES)
         step[parameters] = -np.linalg.solve(A[free], g[parameters])
         change = change + step
         r, J = points.residuals(change)
