@@ -60,7 +60,8 @@ def liveliest_movement(stages: Stages, room: Room) -> Movement | None:
     best: tuple[float, Movement] | None = None
     if stages.placement is None:
         return None
-    for person, rows in zip(stages.calibration.persons, person_rows(stages), strict=True):
+    all_rows = person_rows(stages.lifted, stages.rounds[-1])
+    for person, rows in zip(stages.calibration.persons, all_rows, strict=True):
         sights = _sights(stages, stages.placement, room, rows)
         for j, joint in enumerate(stages.skeleton.layout.joint_names):
             if not any(limb in joint for limb in _LIMBS):
