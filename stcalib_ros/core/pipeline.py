@@ -16,7 +16,6 @@ from stcalib_ros.core.bundle.covariance import pose_covariance
 from stcalib_ros.core.bundle.initialization import select_initial_rig
 from stcalib_ros.core.bundle.istba import initial_adjustment, run_istba
 from stcalib_ros.core.bundle.iteration import Iteration
-from stcalib_ros.core.bundle.offset_debiasing import debias_offsets, debiased
 from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.integration.averaging import integrate
 from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions
@@ -38,11 +37,7 @@ from stcalib_ros.core.output.assemble import failed_calibration, make_calibratio
 from stcalib_ros.core.output.world_frame import WorldAlignment, place
 from stcalib_ros.core.paper.stages import Grid, adjust_pairs, integrate_pairs, register_pairs
 from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, resect
-from stcalib_ros.core.refinement.clock_skew import with_clock_skews
-from stcalib_ros.core.refinement.keypoint_bias.stage import refine_keypoint_bias
-from stcalib_ros.core.refinement.line_delay import refine_with_line_delays, with_line_delays
-from stcalib_ros.core.refinement.spline_trajectories import with_splines
-from stcalib_ros.core.refinement.timestamp_jitter import added_covariance, with_timestamp_errors
+from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.registration.executors import map_tasks
 from stcalib_ros.core.registration.pairs import pair_tasks, register
 from stcalib_ros.core.registration.resampling import common_step
@@ -299,30 +294,15 @@ class _Run:
             start = self._start(self.left_out.largest_part(start.rig, result))
 
     def _refined(self, rounds: tuple[Iteration, ...]) -> tuple[tuple[Iteration, ...], Float64Array]:
-        """Adjust with line times, biases, errors of stamps, clock rates; covariance of that."""
-        bundle, layout = self.options.bundle, self.skeleton.layout
         self._tick_round(1.0, rounds[-1])
-        if self.options.estimate_line_time:
-            last, refined = refine_with_line_delays(self.lifted, rounds[-1], layout, bundle)
-            rounds = (*rounds[:-1], last)
-        else:
-            refined = refine_keypoint_bias(self.lifted, rounds[-1], layout, bundle)
-        if refined is not None:
-            rounds += (refined.round,)
-        last = with_timestamp_errors(self.lifted, rounds[-1], bundle)
-        if self.options.estimate_line_time and last.stamps is not None:
-            last = with_line_delays(self.lifted, last, bundle)
-        last = with_clock_skews(last, bundle)
-        state = debias_offsets(last.observations, last.state, iterations=bundle.max_iterations)
-        if state is last.state:
-            state = debiased(last.observations, state)
-        last = with_splines(self.lifted, last.moved(last.observations, state), bundle)
-        covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
-        if last.lines is not None:
-            covariance = covariance + last.lines.added
-        if refined is not None:
-            covariance = covariance + refined.excess
-        return (*rounds[:-1], last), covariance
+        refined = refine(
+            self.lifted,
+            rounds,
+            self.skeleton.layout,
+            self.options.bundle,
+            estimate_line_delays=self.options.estimate_line_time,
+        )
+        return refined.iterations, refined.covariance.poses_and_offsets()
 
     def _tick_round(self, fraction: float, before: Iteration) -> None:
         if self.adjusted is not None:

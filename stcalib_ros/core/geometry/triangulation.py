@@ -7,6 +7,13 @@ import numpy as np
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 
 
+def unit_rays(x: Float64Array) -> Float64Array:
+    """Unit directions (..., 3), of the precision of x, to points (..., 2) of the plane z = 1."""
+    rays = np.concatenate([x, np.ones_like(x[..., :1])], -1)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    return rays
+
+
 def triangulate(
     centres: Float64Array, rays: Float64Array, weights: Float64Array, *, refinements: int = 2
 ) -> tuple[Float64Array, BoolArray]:

@@ -12,6 +12,7 @@ import numpy as np
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.monitoring.change_detection import (
     CLOCK,
+    N_CHANGES,
     RMS_OVER_MEDIAN,
     ROTATION,
     SHIFT,
@@ -275,12 +276,12 @@ def _alike(a: Finding, b: Finding, thresholds: Thresholds) -> bool:
 
 def _combined(findings: Sequence[Finding]) -> Float64Array:
     """Changes of several spans, averaged with the weights of what each one knows."""
-    total, weighted = np.zeros((7, 7)), np.zeros(7)
+    total, weighted = np.zeros((N_CHANGES, N_CHANGES)), np.zeros(N_CHANGES)
     for f in findings:
         total += f.fit.information
         weighted += f.fit.information @ f.fit.change
     known = total.diagonal() > 0
-    out = np.zeros(7)
+    out = np.zeros(N_CHANGES)
     out[known] = np.linalg.lstsq(total[np.ix_(known, known)], weighted[known], rcond=None)[0]
     return out
 

@@ -38,6 +38,7 @@ _FITS = 1.5
 _FITS_PX = 12.0
 
 ROTATION, SHIFT, CLOCK = slice(0, 3), slice(3, 6), 6
+N_CHANGES = 7
 """Where they are in the seven parameters of a change."""
 
 
@@ -191,7 +192,7 @@ def best_fit(sightings: SpanObservations, c: int, noise_px: Float64Array) -> Fit
 
 def fit_change(points: _Points, parameters: IntArray) -> Fit:
     """Fit those of the seven parameters that are named; the others are held at 0."""
-    zero, none = np.zeros(7), np.zeros((7, 7))
+    zero, none = np.zeros(N_CHANGES), np.zeros((N_CHANGES, N_CHANGES))
     M, n = len(points.x), points.n
     if M < _MIN_POINTS:
         return Fit(zero, none, np.nan, np.nan, 0.0, M)
@@ -204,7 +205,7 @@ def fit_change(points: _Points, parameters: IntArray) -> Fit:
         w = independent / (scale**2 + r**2)
         A = (J.T * w) @ J + np.diag(_PRIOR**-2.0)
         g = (J.T * w) @ r + change / _PRIOR**2
-        step = np.zeros(7)
+        step = np.zeros(N_CHANGES)
         step[parameters] = -np.linalg.solve(A[free], g[parameters])
         change = change + step
         r, J = points.residuals(change)
@@ -220,8 +221,8 @@ def fit_change(points: _Points, parameters: IntArray) -> Fit:
     return Fit(change, information, before, after, total, n)
 
 
-_TURN_AND_CLOCK = np.array([0, 1, 2, 6])
-_EVERYTHING = np.arange(7)
+_EVERYTHING = np.arange(N_CHANGES)
+_TURN_AND_CLOCK = np.delete(_EVERYTHING, SHIFT)
 _SETTLED = np.repeat([1e-4, 1e-3, 1e-4], [3, 3, 1])
 
 

@@ -13,6 +13,7 @@ from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.monitoring.change_detection import (
     CLOCK,
+    N_CHANGES,
     ROTATION,
     SHIFT,
     WORTH_CORRECTING,
@@ -159,7 +160,7 @@ def _refine(
 
 def _composed(first: Fit, rest: Fit) -> Fit:
     R = exp_so3(first.change[ROTATION])
-    change = np.zeros(7)
+    change = np.zeros(N_CHANGES)
     change[ROTATION] = log_so3(R @ exp_so3(rest.change[ROTATION]))
     change[SHIFT] = first.change[SHIFT] + R @ rest.change[SHIFT]
     change[CLOCK] = first.change[CLOCK] + rest.change[CLOCK]

@@ -15,6 +15,7 @@ from stcalib_ros.core.bundle.offset_debiasing import (
     velocity_noise_fraction,
     with_smoothed_velocities,
 )
+from stcalib_ros.core.bundle.state import estimate_motion
 
 MOST_OF_A_FRAME = 0.8 * STEP_S
 SLOW = {"pace_m_s": 0.2, "acceleration": 0.02}
@@ -25,7 +26,8 @@ def adjusted(rng, **motion):
     size = {"knots": 60, "joints": 10, "phi_frames": 0.0}
     p = problem(rng, sigma_px=3.0, offset_s=MOST_OF_A_FRAME, **size, **motion)
     start = replace(p.truth, shift_s=np.zeros(3))
-    start = replace(start, **dict(zip("VA", motion(p.o, p.truth.X, p.o.seen.any(1)), strict=True)))
+    V, A = estimate_motion(p.o, p.truth.X, p.o.seen.any(1))
+    start = replace(start, V=V, A=A)
     state = adjust(p.o, start, iterations=30, tolerance=0.01, renew_velocities=True)
     return p, state
 
