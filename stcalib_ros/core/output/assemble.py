@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.bundle.covariance import PARAMETERS
+from stcalib_ros.core.bundle.covariance import OFFSET_ROW, PARAMETERS, POSE_ROWS, rows_of
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.residuals import errors_px
 from stcalib_ros.core.model.arrays import Float64Array
@@ -60,10 +60,10 @@ def make_calibration(
     rig, o = last.rig, last.observations
     order = np.argsort(rig.cameras, kind="stable")
     covariance = placement.covariance_of(rig, covariance)
-    rows = np.add.outer(7 * order, range(7)).ravel()
+    rows = rows_of(order).ravel()
     covariance = covariance[np.ix_(rows, rows)]
     clocks = [_clock(last, int(c)) for c in order]
-    offsets = range(6, len(covariance), 7)
+    offsets = rows_of(np.arange(len(order)))[:, OFFSET_ROW]
     covariance[offsets, offsets] += [clock.added_variance for clock in clocks]
     errors = errors_px(o, last.state)
     inliers = errors[last.state.used & np.isfinite(errors)]
@@ -116,9 +116,9 @@ class _Clock:
 
 
 def _clock(last: Iteration, i: int) -> _Clock:
-    offset, rates = float(last.rig.offset_s[i]), last.clocks
-    if last.lines is not None:
-        offset += float(last.lines.first_row_s[i])
+    offset, rates = float(last.rig.offset_s[i]), last.clock_skews
+    if last.line_delays is not None:
+        offset += float(last.line_delays.first_row_s[i])
     if rates is None:
         return _Clock(offset)
     skew, stddev = float(rates.skew[i]), float(rates.stddev[i])
@@ -135,16 +135,16 @@ def _camera(
     block: Float64Array,
     clock: _Clock,
 ) -> CameraCalibration:
-    camera, lines = recording.cameras[last.rig.cameras[i]], last.lines
+    camera, lines = recording.cameras[last.rig.cameras[i]], last.line_delays
     return CameraCalibration(
         name=camera.name,
         frame_id=camera.frame_id,
         intrinsics=camera.intrinsics,
         R_ref_cam=placement.R @ last.rig.R_ref_cam[i],
         t_ref_cam=placement.to_result(last.rig.t_ref_cam[i]),
-        covariance=block[:6, :6],
+        covariance=block[POSE_ROWS, POSE_ROWS],
         time_offset_s=clock.offset_s,
-        time_offset_stddev_s=float(np.sqrt(max(block[6, 6], 0.0))),
+        time_offset_stddev_s=float(np.sqrt(max(block[OFFSET_ROW, OFFSET_ROW], 0.0))),
         clock_skew=clock.skew,
         clock_skew_stddev=clock.stddev,
         line_time_s=camera.line_time_s if lines is None else float(lines.line_s[i]),

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.bundle.covariance import CENTRE_ROWS, largest_stddev, rows_of
+from stcalib_ros.core.bundle.parameters import propagate
 from stcalib_ros.core.geometry.lens import bearings
-from stcalib_ros.core.geometry.triangulation import triangulate
+from stcalib_ros.core.geometry.triangulation import triangulate, unit_rays
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.recording import Recording
@@ -147,9 +149,9 @@ def _apart(rig: Rig, i: int, j: int, covariance: Float64Array) -> tuple[float, f
     line = rig.t_ref_cam[j] - rig.t_ref_cam[i]
     length = float(np.linalg.norm(line))
     gradient = np.zeros(len(covariance))
-    gradient[7 * j : 7 * j + 3] = line / max(length, 1e-12)
-    gradient[7 * i : 7 * i + 3] = -line / max(length, 1e-12)
-    return length, float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0)))
+    gradient[rows_of(j)[CENTRE_ROWS]] = line / max(length, 1e-12)
+    gradient[rows_of(i)[CENTRE_ROWS]] = -line / max(length, 1e-12)
+    return length, largest_stddev(propagate(gradient[None], covariance))
 
 
 def _ends(
@@ -166,9 +168,7 @@ def _ends(
         ],
         axis=1,
     )
-    b = np.concatenate([b, np.ones_like(b[..., :1])], -1)
-    rays = np.einsum("cij,ncj->nci", rig.R_ref_cam[rows], b)
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    rays = np.einsum("cij,ncj->nci", rig.R_ref_cam[rows], unit_rays(b))
     centres = np.broadcast_to(rig.t_ref_cam[rows], rays.shape)
     ends, good = triangulate(centres, rays, np.ones(rays.shape[:2]))
     line = ends[:, None] - centres

@@ -86,7 +86,7 @@ def adjust_rounds(
 def initial_state(o: Observations, rig: Rig, window: int) -> BundleState:
     """Triangulated joints with one velocity per window and no acceleration."""
     state = bundle_initial_state(o, rig)
-    V = window_velocities(o, state.X, state.used.sum(1) >= 2, window)
+    V = window_velocities(o, state.X, state.triangulated(), window)
     return replace(state, V=V, A=np.zeros_like(V))
 
 

@@ -15,7 +15,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from stcalib_ros.core.bundle.iteration import Iteration
-from stcalib_ros.core.bundle.normal_equations import NEAREST
+from stcalib_ros.core.bundle.limits import NEAREST
+from stcalib_ros.core.bundle.parameters import ROTATION, TIME_OFFSET, TRANSLATION, ParameterLayout
 from stcalib_ros.core.geometry.so3 import exp_so3, hat, rotation_angle
 from stcalib_ros.core.integration.association import SLOT_SAMPLES
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
@@ -258,18 +259,22 @@ class _Keypoints:
         w = 1.0 / (1.0 + (r**2).sum(-1) / scale**2)
         H = np.einsum("n,nia,nib->ab", w, J, J, optimize=True)
         g = np.einsum("n,nia,ni->a", w, J, r, optimize=True)
-        free = np.arange(6 if self.synchronised else 7)
-        H[range(7), range(7)] *= 1.0 + 1e-3
-        H[range(7), range(7)] += 1e-9 * np.trace(H)
-        step = np.zeros(7)
+        layout = ParameterLayout(1)
+        n = layout.within(TIME_OFFSET).start if self.synchronised else layout.block
+        H[range(len(H)), range(len(H))] *= 1.0 + 1e-3
+        H[range(len(H)), range(len(H))] += 1e-9 * np.trace(H)
+        step, free = np.zeros(layout.block), np.arange(n)
         step[free] = -np.linalg.solve(H[np.ix_(free, free)], g[free])
-        turn = step[:3] * min(1.0, _MAX_TURN / max(float(np.linalg.norm(step[:3])), 1e-12))
+        rotation, translation, (late,) = (
+            step[layout.within(one)] for one in (ROTATION, TRANSLATION, TIME_OFFSET)
+        )
+        turn = rotation * min(1.0, _MAX_TURN / max(float(np.linalg.norm(rotation)), 1e-12))
         limit = _MAX_SHIFT_FRAMES * self.last.observations.step_s
         return replace(
             at,
             R_ref_cam=at.R_ref_cam @ exp_so3(turn),
-            t_ref_cam=at.t_ref_cam + at.R_ref_cam @ step[3:6],
-            offset_s=at.offset_s + float(np.clip(step[6], -limit, limit)),
+            t_ref_cam=at.t_ref_cam + at.R_ref_cam @ translation,
+            offset_s=at.offset_s + float(np.clip(late, -limit, limit)),
         )
 
 

@@ -17,7 +17,7 @@ _UNEVEN = 0.4
 """Of a period: deviation of stamps that tell no even times."""
 
 
-def even_times(stamps: Float64Array) -> Float64Array:
+def regular_times(stamps: Float64Array) -> Float64Array:
     """Corrections (N,) that put stamps at even times, images lost in between left out.
 
     Every quarter of a minute by itself, without changing the mean or the trend of its stamps: a

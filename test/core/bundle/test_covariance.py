@@ -9,7 +9,14 @@ import pytest
 from bundle_helpers import problem
 from scipy.stats import chi2
 
-from stcalib_ros.core.bundle.covariance import PARAMETERS, pose_covariance
+from stcalib_ros.core.bundle.covariance import (
+    CENTRE_ROWS,
+    PARAMETERS,
+    pose_covariance,
+    rows_of,
+    with_known_distance,
+)
+from stcalib_ros.core.bundle.gauge import camera_centres
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
 from stcalib_ros.core.geometry.so3 import log_so3
 
@@ -78,15 +85,37 @@ def test_a_covariance_is_symmetric_and_positive(repeated):
         assert np.linalg.eigvalsh(P)[0] > -1e-9 * np.abs(P).max()
 
 
-def test_the_reference_is_certain_and_so_is_the_first_baseline():
+def test_the_reference_is_certain_and_so_is_the_spread_of_the_cameras():
     p = problem(np.random.default_rng(2), cameras=3, knots=40)
     state = adjust(p.o, p.truth, iterations=20, tolerance=1e-3)
     P = pose_covariance(p.o, state)
     assert not P[:7].any()
     assert not P[:, :7].any()
-    centre = -state.R_cam_ref[1].T @ state.t_cam_ref[1]
-    along = centre / np.linalg.norm(centre)
-    assert along @ P[7:10, 7:10] @ along < 1e-4 * np.trace(P[7:10, 7:10])
+    centres = camera_centres(state.R_cam_ref, state.t_cam_ref)
+    rows = rows_of(np.arange(3))[:, CENTRE_ROWS].ravel()
+    outward = (centres - centres.mean(0)).ravel() / np.linalg.norm(centres - centres.mean(0))
+    assert outward @ P[np.ix_(rows, rows)] @ outward < 1e-9 * np.trace(P[np.ix_(rows, rows)])
+
+
+def test_a_known_distance_is_certain():
+    p = problem(np.random.default_rng(2), cameras=3, knots=40)
+    state = adjust(p.o, p.truth, iterations=20, tolerance=1e-3)
+    centres = camera_centres(state.R_cam_ref, state.t_cam_ref)
+    P = with_known_distance(pose_covariance(p.o, state), centres, 1, 2)
+    one, other = rows_of(np.array([1, 2]))[:, CENTRE_ROWS]
+    gradient = np.zeros(len(P))
+    gradient[one], gradient[other] = centres[1] - centres[2], centres[2] - centres[1]
+    assert not P[:7].any()
+    assert gradient @ P @ gradient < 1e-12 * (gradient**2).sum() * np.trace(P)
+    again = with_known_distance(P, centres, 0, 1)
+    direct = with_known_distance(pose_covariance(p.o, state), centres, 0, 1)
+    np.testing.assert_allclose(again, direct, atol=1e-9 * np.abs(direct).max())
+
+
+def test_cameras_at_one_place_give_no_unit():
+    P = np.diag(np.arange(1.0, 22.0))
+    centres = np.array([[0.0, 0, 0], [0, 0, 0], [3, 0, 0]])
+    np.testing.assert_array_equal(with_known_distance(P, centres, 0, 1), P)
 
 
 def test_twice_the_noise_is_twice_the_deviation():

@@ -9,7 +9,8 @@ import pytest
 from bundle_helpers import problem, stepped
 from core_helpers import HALF_SECOND, error
 
-from stcalib_ros.core.bundle.normal_equations import Block, Cameras
+from stcalib_ros.core.bundle.normal_equations import Block
+from stcalib_ros.core.bundle.parameters import LINE_DELAY, POSE_AND_CLOCK, ParameterLayout
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.rolling_shutter import with_known_line_times
 from stcalib_ros.core.options import Options, RegistrationOptions
@@ -40,13 +41,13 @@ def test_the_normal_equations_are_those_of_central_differences(rng):
     p = problem(rng, sigma_px=0.5, missing=0.1)
     N, C, J = p.o.seen.shape
     o = replace(p.o, row=rng.uniform(-400, 400, (N, C, J)), line_s=np.zeros(C))
-    scale = 1e6
+    scale, every = 1e6, np.ones(C, dtype=bool)
+    layout = ParameterLayout(C).with_unknown(LINE_DELAY, every)
 
     def residual(state, line_s):
         moved = replace(o, line_s=line_s)
         block = Block(moved, state.used, state.V, state.A, slice(0, N))
-        cameras = Cameras(state.R_cam_ref, state.t_cam_ref, state.shift_s)
-        at = block.at(cameras, state.X.reshape(-1, 3)[block.points])
+        at = block.at(state.cameras, state.X.reshape(-1, 3)[block.points], layout)
         return at, (at.r * block.mask[:, None]).ravel()
 
     at, r = residual(p.truth, np.zeros(C))
@@ -72,7 +73,10 @@ def test_the_normal_equations_are_those_of_central_differences(rng):
     free = np.abs(b).max(0) > 0
     b = b[:, free]
     follow = np.linalg.solve(b.T @ b, np.c_[b.T @ a, b.T @ r])
-    H, scores = at.with_lines(scale)
+    system, scores = at.scores(scale)
+    standard = [layout.columns(one) for one in POSE_AND_CLOCK]
+    order = np.r_[np.concatenate(standard, 1).ravel(), layout.scalars(LINE_DELAY)]
+    H, scores = system.H[np.ix_(order, order)], scores[order]
     unit = np.sqrt(np.diag(H))
     np.testing.assert_allclose(
         H / np.outer(unit, unit), (a.T @ (a - b @ follow[:, :-1])) / np.outer(unit, unit), atol=1e-4
