@@ -186,7 +186,7 @@ class Information:
         Gradients of clusters of points that count as independent.
     curvature_lost : float
     noise : VelocityNoise or None
-        Part of the system that is noise; None where the clocks are synchronised.
+        Part of the system that is noise; None where it is of no interest.
     """
 
     cameras: Cameras
@@ -230,7 +230,11 @@ class Information:
 
 
 def information(
-    obs: Observations, state: BundleState, layout: ParameterLayout | None = None
+    obs: Observations,
+    state: BundleState,
+    layout: ParameterLayout | None = None,
+    *,
+    of_poses: bool = True,
 ) -> Information:
     """Sum up what the keypoints know of the unknowns of a layout.
 
@@ -248,6 +252,8 @@ def information(
         At the optimum.
     layout : ParameterLayout, optional
         Default: poses and time offsets.
+    of_poses : bool
+        Poses and offsets are of interest, which the noise of the velocities makes less certain.
     """
     layout = layout or state.layout
     cluster = clusters(obs, state.triangulated(), n_unknowns=len(layout.free()))
@@ -255,7 +261,8 @@ def information(
     errors = errors_px(obs, state)
     scale = CAUCHY * max(robust_scale(errors, state.used), MIN_SCALE_PX)
     lost = _curvature_lost(errors[state.used], scale)
-    noise = None if state.synchronised else velocity_noise(obs, state, scale)
+    noisy = of_poses and not state.synchronised
+    noise = velocity_noise(obs, state, scale) if noisy else None
     return Information(state.cameras, system, U, lost, noise)
 
 

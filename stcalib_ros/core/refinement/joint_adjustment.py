@@ -68,19 +68,22 @@ def adjust_jointly(
     estimate_line_delays : bool
         Line delays are asked for.
     """
-    found = JointAdjustment(last, last.state.layout)
-    for _ in range(_PASSES):
+    found, stddev = _selected(members, last, estimate_line_delays=estimate_line_delays)
+    for n in range(_PASSES):
         before = found.iteration
-        found, stddev = _selected(members, before, estimate_line_delays=estimate_line_delays)
         held = _held(before, found.layout)
         if not found.layout.further and held is before:
             break
         after = readjusted(held, held.observations, options, last=True, layout=found.layout)
         found = replace(found, iteration=after)
-        if all(
-            (np.abs(_moved(before, after, one)) <= CONVERGED * stddev[one])[mask].all()
+        if n == 0:
+            # What is observable shows better now that residuals are smaller.
+            found, stddev = _selected(members, after, estimate_line_delays=estimate_line_delays)
+        moved = [
+            (np.abs(_moved(before, after, one)) > CONVERGED * stddev[one])[mask].any()
             for one, mask in zip(found.layout.further, found.layout.estimated, strict=True)
-        ):
+        ]
+        if not any(moved) and _held(after, found.layout) is after:
             break
     return found
 
@@ -99,7 +102,7 @@ def _selected(
     stddev: dict[CameraUnknown, Float64Array] = {}
     if not layout.further:
         return JointAdjustment(last, chosen), stddev
-    known = information(last.observations, last.state, layout)
+    known = information(last.observations, last.state, layout, of_poses=False)
     skews, delays = None, None
     if estimate_line_delays:
         delays = select_line_delays(members, known, layout)

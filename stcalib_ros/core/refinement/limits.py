@@ -28,3 +28,11 @@ recordings."""
 MIN_EVEN_CORRELATION = 0.5
 """Correlation between the corrections that the keypoints ask for and those to regular times. With
 more, images are taken to be regular. Chosen on the scenes "rates" of benchmarks.accuracy.level."""
+
+MIN_REGULAR_IMAGES = 30
+"""Count. Timestamps of fewer images stay as they are: any are regular to some period. Chosen."""
+
+MAX_IRREGULARITY = 0.4
+"""Fraction of the period. Timestamps with a larger standard deviation from regular times are not
+regular: random ones have 0.29 to their nearest number, and more where numbers may not repeat.
+Measured on exponential intervals; test/core/refinement/test_regular_frames.py."""

@@ -6,19 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bundle_helpers import problem
+from bundle_helpers import disturbed, problem
 from scipy.stats import chi2
 
 from stcalib_ros.core.bundle.covariance import (
     CENTRE_ROWS,
     PARAMETERS,
+    clusters,
     pose_covariance,
     rows_of,
     with_known_distance,
 )
 from stcalib_ros.core.bundle.gauge import camera_centres
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
-from stcalib_ros.core.geometry.so3 import log_so3
+from stcalib_ros.core.bundle.limits import SHORTEST_CLUSTER
+from stcalib_ros.core.bundle.residuals import camera_points
+from stcalib_ros.core.geometry.so3 import exp_so3, log_so3
 
 
 def published(state):
@@ -143,3 +146,37 @@ def test_the_unit_of_lengths_is_that_of_the_state():
 
 def test_parameters_are_those_of_the_result():
     assert PARAMETERS == ("x", "y", "z", "rot_x", "rot_y", "rot_z", "time_offset_s")
+
+
+@pytest.mark.parametrize(("n_unknowns", "expected"), [(1, 150), (26, 75), (100, 18), (10_000, 9)])
+def test_spans_of_clusters_are_halved_down_to_the_shortest(n_unknowns, expected):
+    """Clusters of the only joint of one person over 600 time bins."""
+    p = problem(np.random.default_rng(1), people=1, knots=600, joints=10)
+    known = np.ones((600, 10), dtype=bool)
+    found = clusters(p.o, known, n_unknowns=n_unknowns)
+    first = found[:, 0]
+    lengths = np.diff(np.flatnonzero(np.diff(first, prepend=-1, append=-1)))
+    assert lengths.max() == expected
+    assert expected >= SHORTEST_CLUSTER
+
+
+def with_two_at_one_place(rng):
+    """A problem whose first two cameras stand at one place, the third elsewhere."""
+    p = problem(rng, cameras=3, knots=40, joints=6, sigma_px=0.0)
+    R, t = p.truth.R_cam_ref.copy(), p.truth.t_cam_ref.copy()
+    R[1], t[1] = exp_so3(np.array([0.1, -0.2, 0.05])), 0.0
+    truth = replace(p.truth, R_cam_ref=R, t_cam_ref=t)
+    Z = camera_points(p.o, truth)
+    x = np.where(p.o.seen[..., None], Z[..., :2] / Z[..., 2:], 0.0)
+    return noisy(replace(p, o=replace(p.o, x=x)), rng, 1.0), truth
+
+
+def test_the_first_two_cameras_may_stand_at_one_place():
+    rng = np.random.default_rng(8)
+    o, truth = with_two_at_one_place(rng)
+    state = adjust(o, disturbed(rng, truth, 0.003), iterations=50, tolerance=1e-3)
+    P = pose_covariance(o, state)
+    assert np.isfinite(P).all()
+    stddev = np.sqrt(np.diag(P)[7:])
+    assert (stddev < 0.02).all()
+    assert (np.abs(difference(state, truth)[7:]) < 5.0 * stddev).all()
