@@ -182,11 +182,13 @@ def require_camera_names(names: Iterable[str], *, at_least: int = MIN_CAMERAS) -
     Raises
     ------
     InputError
-        There are too few or too many, one is given twice, or one is no name.
+        There are too few or too many, one is given twice, or one is not a name.
     """
     names = tuple(names)
     if bad := [n for n in names if not _NAME.fullmatch(n)]:
-        raise InputError(f"cameras: {bad[0]!r} is no name: letters, digits and _, a letter first")
+        raise InputError(
+            f"cameras: {bad[0]!r} is not a name: letters, digits and _, a letter first"
+        )
     if len(set(names)) < len(names):
         raise InputError(f"cameras: a name is given twice: {', '.join(names)}")
     if not at_least <= len(names) <= MAX_CAMERAS:
