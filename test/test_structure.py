@@ -56,7 +56,6 @@ UNDOCUMENTED_NUMBERS = (
     *(f"{CORE}.synthetic", f"{CORE}.monitoring"),
 )
 LONG = {
-    f"{PACKAGE}.commands.calibrate.add_arguments",
     f"{CORE}.monitoring.matching._sightings",
     f"{CORE}.output.assemble.make_calibration",
     f"{CORE}.refinement.spline_trajectories",
@@ -65,11 +64,6 @@ LONG = {
     f"{CORE}.validation.camera_checks.check_cameras",
 }
 UNNAMED_NUMBERS = {
-    f"{PACKAGE}.io.convert",
-    f"{PACKAGE}.io.datasets.alphapose",
-    f"{PACKAGE}.io.rigs",
-    f"{PACKAGE}.report.draw_room",
-    f"{PACKAGE}.report.room",
     f"{CORE}.bundle.istba",
     f"{CORE}.bundle.levenberg_marquardt",
     f"{CORE}.evaluation.metrics",

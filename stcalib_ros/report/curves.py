@@ -54,8 +54,8 @@ def liveliest_movement(stages: Stages, room: Room) -> Movement | None:
     """The joint with the most up and down in the most cameras; None if there is none.
 
     A height is that of the point on the camera's own line of sight which is nearest to the
-    triangulated joint: the camera's own key points tell it, the others only how far away the
-    joint is. Of long recordings only the liveliest few seconds are in it.
+    triangulated joint: it follows from the camera's own keypoints, and only its distance from the
+    others. Of long recordings only the liveliest few seconds are in it.
     """
     best: tuple[float, Movement] | None = None
     if stages.placement is None:

@@ -110,7 +110,7 @@ def _camera(camera: CameraCalibration, errors: CameraErrors, reference: str) -> 
         ", ".join(decimals(quaternion_from_matrix(camera.R_ref_cam), 4)),
         turned,
         clock_text(camera, reference, _PLUS_MINUS),
-        f"{len(errors.inliers)} ({errors.share:.0%})",
+        f"{len(errors.inliers)} ({errors.inlier_fraction:.0%})",
     )
 
 
