@@ -10,6 +10,7 @@ from benchmarks.accuracy import level, measure
 from benchmarks.accuracy.scenarios import SCENARIOS, Scenario
 from stcalib_ros.core.errors import CalibrationError
 from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.synthetic import SceneOptions
 
 SCENARIO = Scenario(
@@ -61,7 +62,11 @@ def test_a_missing_camera_and_a_bad_status_count_as_not_solved(play):
             status=Status.DEGENERATE,
             message="hm",
             cameras=truth.cameras[:3],
-            uncalibrated=(UncalibratedCamera("cam3", "too few people"),),
+            uncalibrated=(
+                UncalibratedCamera(
+                    "cam3", Rejection(RejectionReason.UNSPECIFIED, detail="too few people")
+                ),
+            ),
         )
 
     play(partly)

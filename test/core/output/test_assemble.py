@@ -11,6 +11,7 @@ from core_helpers import HALF_SECOND, every
 from stcalib_ros.core.bundle.covariance import PARAMETERS, pose_covariance
 from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
 from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.output.assemble import failed_calibration, make_calibration
 from stcalib_ros.core.output.world_frame import place
@@ -133,7 +134,11 @@ def test_counts_are_of_image_points(result, stages):
 
 
 def test_status_message_and_what_is_missing_are_handed_on(stages, small_scene):
-    left_out = (UncalibratedCamera("cam9", "it is upside down"),)
+    left_out = (
+        UncalibratedCamera(
+            "cam9", Rejection(RejectionReason.UNSPECIFIED, detail="it is upside down")
+        ),
+    )
     calibration = made(
         stages,
         small_scene.recording,
@@ -147,7 +152,9 @@ def test_status_message_and_what_is_missing_are_handed_on(stages, small_scene):
 
 
 def test_nothing_says_why_and_claims_nothing(small_scene):
-    left_out = (UncalibratedCamera("cam1", "it sleeps"),)
+    left_out = (
+        UncalibratedCamera("cam1", Rejection(RejectionReason.UNSPECIFIED, detail="it sleeps")),
+    )
     calibration = failed_calibration(
         small_scene.recording,
         status=Status.INSUFFICIENT_DATA,
