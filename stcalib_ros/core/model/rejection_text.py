@@ -103,8 +103,8 @@ _SENTENCES = {
     _R.RIVAL_SOLUTION: (
         "two solutions fit about equally well, with other poses, and time offsets that differ by "
         "up to {frames:.1f} frames ({measured:.2f} s): motion is periodic, people move "
-        "identically, or the true offset is outside of offset_range_s (+-{offset_range_s:g} s); set that to "
-        "what is possible, or record more varied motion"
+        "identically, or the true offset is outside of offset_range_s (+-{offset_range_s:g} s); "
+        "set that to what is possible, or record more varied motion"
     ),
     _R.NOT_CONVERGED: (
         "the adjustment has not converged, {measured:.0f} cameras still moved in the last "
