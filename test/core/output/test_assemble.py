@@ -18,7 +18,7 @@ from stcalib_ros.core.options import Options
 from stcalib_ros.core.output.assemble import failed_calibration, make_calibration
 from stcalib_ros.core.output.world_frame import place
 from stcalib_ros.core.pipeline import run_stages
-from stcalib_ros.core.validation.verdict import Verdict
+from stcalib_ros.core.validation.verdict import Judgement
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def made(stages, recording, **changes):
     return make_calibration(
         *parts,
         place(*parts, Options()),
-        **{"verdict": Verdict(Status.OK), "uncalibrated": ()} | changes,
+        **{"judgement": Judgement(Status.OK), "uncalibrated": ()} | changes,
     )
 
 
@@ -141,7 +141,7 @@ def test_status_message_and_what_is_missing_are_handed_on(stages, small_scene):
     calibration = made(
         stages,
         small_scene.recording,
-        verdict=Verdict(Status.DEGENERATE, (Rejection(R.UNSPECIFIED, detail="not good"),)),
+        judgement=Judgement(Status.DEGENERATE, (Rejection(R.UNSPECIFIED, detail="not good"),)),
         uncalibrated=missing,
     )
     assert calibration.status is Status.DEGENERATE
