@@ -77,6 +77,23 @@ def result_text(calibration: Calibration) -> str:
     return _HEAD.format(frame=frame, unit=_UNITS[calibration.metric]) + body
 
 
+def result_json(calibration: Calibration) -> str:
+    """Return a calibration as one JSON object in a line, with the entries of the result file.
+
+    Numbers that are not finite are null, for which JSON has no other word.
+    """
+    return json.dumps(_finite(_plain(calibration)), allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    """Return plain data with None in the place of numbers that are not finite."""
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
 def read_result(path: Path | str) -> Calibration:
     """Read a result or truth file.
 

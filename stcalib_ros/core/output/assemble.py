@@ -194,11 +194,17 @@ def failed_calibration(
 def _summary(
     judgement: Judgement, uncalibrated: Sequence[UncalibratedCamera], *, calibrated: int = 0
 ) -> str:
-    """Return one line: what was found, or why not, and why cameras are missing."""
+    """Return one line: what was found, or why not, and why cameras are missing.
+
+    Where a reason against the calibration as a whole comes first, those of single cameras follow
+    from it and would only make the line longer.
+    """
     total = calibrated + len(uncalibrated)
     good = judgement.status is Status.OK
     parts = [f"{calibrated} of {total} cameras calibrated"] if good else []
     parts += map(remark_sentence, judgement.remarks)
-    parts += map(labelled, judgement.rejections)
+    rejections = judgement.rejections
+    whole = not all(rejection.cameras for rejection in rejections[:1])
+    parts += [labelled(one) for one in rejections if not (whole and one.cameras)]
     parts += [f"{camera.name}: {camera.reason}" for camera in uncalibrated]
     return "; ".join(parts)
