@@ -16,7 +16,7 @@ from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.output.gravity import GravityFrame, find_upright
+from stcalib_ros.core.output.gravity import GravityFrame, find_upright, heading_axis
 from stcalib_ros.core.output.scale import (
     InconsistentScale,
     Scale,
@@ -87,9 +87,9 @@ class WorldAlignment:
 
     def _common_motion(self, t_ref_cam: Float64Array) -> Float64Array:
         """Derivative (7, 3) of a camera by the tilt about x and y and the height of the frame."""
-        forward = self.R[:, 2]
-        # The reference camera goes on looking along x: tilt about x turns about z, too.
-        turn = np.array([[1.0, 0.0], [0.0, 1.0], [forward[2] / max(forward[0], 1e-3), 0.0]])
+        heading = self.R @ heading_axis(self.R)
+        # The reference camera keeps its heading along x: tilt about x turns about z, too.
+        turn = np.array([[1.0, 0.0], [0.0, 1.0], [heading[2] / heading[0], 0.0]])
         J = np.zeros((7, 3))
         J[:3, :2] = -self.unit * hat(self.R @ t_ref_cam) @ turn
         J[2, 2] = self.unit
