@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
@@ -18,7 +18,7 @@ from unittest import mock
 
 import stcalib_ros
 from benchmarks.accuracy.measure import run_scenes
-from benchmarks.accuracy.scenarios import HARD, SCENARIOS, SUCCESS, Scenario
+from benchmarks.accuracy.scenarios import SUCCESS, Scenario
 from benchmarks.paper.multiview import BALANCE
 from stcalib_ros.core import pipeline, solution
 from stcalib_ros.core.errors import StcalibError
@@ -99,25 +99,26 @@ class Table:
     absent: tuple[str, ...] = ()
 
 
-def gather(n_scenes: int, *, jobs: int = 1) -> Table:
-    """Calibrate scenes of all kinds and the real recordings, and keep the evidence.
+def gather(kinds: Sequence[Scenario], n_scenes: int, *, jobs: int = 1) -> Table:
+    """Calibrate simulated scenes and the real recordings, and keep the evidence.
 
     Parameters
     ----------
+    kinds : sequence of Scenario
+        Kinds of simulated scenes.
     n_scenes : int
         Number of scenes of each kind; a kind that has fewer gives all it has.
     jobs : int
         Number of processes.
     """
     found: list[tuple[Row, ...]] = []
-    for scenario in (*SCENARIOS, *HARD):
-        n = min(n_scenes, scenario.n_scenes)
-        task = partial(_simulated, scenario)
-        found += run_scenes(task, n, title=scenario.name, jobs=jobs)
-    absent = () if BALANCE.exists() else (BALANCE.name,)
-    cases = _real_cases()
-    found += run_scenes(partial(_real, tuple(cases)), len(cases), title="real", jobs=jobs)
+    for kind in kinds:
+        n = min(n_scenes, kind.n_scenes)
+        found += run_scenes(partial(_simulated, kind), n, title=kind.name, jobs=jobs)
+    cases = real_cases()
+    found += run_scenes(partial(_real, cases), len(cases), title="real", jobs=jobs)
     rows = tuple(row for rows in found for row in rows)
+    absent = () if BALANCE.exists() else (BALANCE.name,)
     return Table(rows, sum(not rows for rows in found), absent)
 
 
@@ -186,11 +187,11 @@ def _real(cases: tuple[tuple[str, tuple[int, ...]], ...], index: int) -> tuple[R
     return rows_of(Task(name, index, True, truth, _DEMO_FPS), part, Options())
 
 
-def _real_cases() -> list[tuple[str, tuple[int, ...]]]:
+def real_cases() -> tuple[tuple[str, tuple[int, ...]], ...]:
     """Recordings with all of their four cameras, three, and two of them."""
     names = ["demo", *(["pose2sim_balance"] if BALANCE.exists() else [])]
     kept = [c for n in (4, 3, 2) for c in combinations(range(4), n)]
-    return [(name, cameras) for name in names for cameras in kept]
+    return tuple((name, cameras) for name in names for cameras in kept)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,168 @@
+"""What depends on the limits that publish or refuse a calibration.
+
+    python -m benchmarks.accuracy.limits                     # from the evidence in limits.json
+    python -m benchmarks.accuracy.limits --again --jobs 2    # gather it anew (half an hour)
+    python -m benchmarks.accuracy.limits --again --scenes 5
+
+Decides once more on every solution that was checked, with each limit as it is, 20 % smaller, 20 %
+larger, and without it: how many good solutions would be refused, how many wrong ones published.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+from benchmarks.accuracy.evidence import Row, Table, gather, read_table, write_table
+from benchmarks.accuracy.scenarios import HARD, SCENARIOS
+from stcalib_ros.core.validation.camera_checks import rejection
+from stcalib_ros.core.validation.thresholds import DEFAULT, Thresholds
+
+TABLE = Path(__file__).with_name("limits.json")
+"""The evidence that was gathered last."""
+
+CHANGE = 0.2
+"""Fraction by which each limit is moved."""
+
+EARLIER = ("many_outliers", "max_failed_fraction")
+"""Limits that act while the evidence is gathered: they cannot be replayed."""
+
+_DISABLED = {"min": float("-inf"), "max": float("inf")}
+"""Values that no camera violates, by how the names of limits begin."""
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """Wrong decisions on some solutions.
+
+    Attributes
+    ----------
+    good_refused : int
+        Number of solutions within the bounds of a solved scene that are refused.
+    wrong_published : int
+        Number of solutions beyond these bounds that are published.
+    """
+
+    good_refused: int
+    wrong_published: int
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """Wrong decisions with one limit changed.
+
+    Attributes
+    ----------
+    limit : str
+    value : float
+        The limit as it is.
+    smaller, larger : Count
+        With the limit moved by `CHANGE`.
+    without : Count or None
+        Without the limit; None where it only makes an exception from another one.
+    """
+
+    limit: str
+    value: float
+    smaller: Count
+    larger: Count
+    without: Count | None
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the table; gather the evidence before if asked to."""
+    args = _arguments(argv)
+    if args.again:
+        kinds = [kind for kind in (*SCENARIOS, *HARD) if args.only in (None, kind.name)]
+        write_table(TABLE, gather(kinds, args.scenes, jobs=args.jobs))
+    print_table(read_table(TABLE))
+    return 0
+
+
+def count(rows: Iterable[Row], thresholds: Thresholds = DEFAULT) -> Count:
+    """Count wrong decisions by some limits."""
+    good_refused = wrong_published = 0
+    for row in rows:
+        published = not row.refused_otherwise and all(
+            rejection(checks, thresholds) is None for checks in row.checks
+        )
+        good_refused += row.good and not published
+        wrong_published += published and not row.good
+    return Count(good_refused, wrong_published)
+
+
+def replay(rows: Sequence[Row]) -> tuple[Replay, ...]:
+    """Count wrong decisions with every limit changed, one at a time."""
+    found = []
+    for field in fields(Thresholds):
+        name, value = field.name, getattr(DEFAULT, field.name)
+        if name in EARLIER:
+            continue
+
+        def counted(changed: float, name: str = name) -> Count:
+            return count(rows, replace(DEFAULT, **{name: changed}))
+
+        off = _DISABLED.get(name.partition("_")[0])
+        found.append(
+            Replay(
+                name,
+                value,
+                counted((1.0 - CHANGE) * value),
+                counted((1.0 + CHANGE) * value),
+                None if off is None else counted(off),
+            )
+        )
+    return tuple(found)
+
+
+def print_table(table: Table) -> None:
+    """Print the counts on simulated scenes, and apart from them those on real recordings."""
+    _print_rows("simulated scenes", [row for row in table.rows if not row.real])
+    _print_rows(
+        "real recordings, which fit worse: one clip of 1.7 s with four, three and two cameras",
+        [row for row in table.rows if row.real],
+    )
+    print(f"\nacts before, not replayed: {', '.join(EARLIER)}")
+    print(f"scenes and recordings without any solution: {table.unsolved}")
+    if table.absent:
+        print(f"recordings that were absent: {len(table.absent)} ({', '.join(table.absent)})")
+
+
+def _print_rows(title: str, rows: Sequence[Row]) -> None:
+    now, good = count(rows), sum(row.good for row in rows)
+    print(f"\n{title}: {len(rows)} solutions, {good} good, {len(rows) - good} wrong")
+    print(f"refused though good: {now.good_refused}; published though wrong: {now.wrong_published}")
+    columns = ("-20 %", "+20 %", "without")
+    print(f"  {'':36s} {'':>7s}  {'good refused':^24s}  {'wrong published':^24s}")
+    print(f"  {'limit':36s} {'value':>7s}  {_cells(columns)}  {_cells(columns)}")
+    for one in replay(rows):
+        changed = (one.smaller, one.larger, one.without)
+        refused = _cells(["-" if c is None else str(c.good_refused) for c in changed])
+        published = _cells(["-" if c is None else str(c.wrong_published) for c in changed])
+        print(f"  {one.limit:36s} {one.value:7g}  {refused}  {published}")
+
+
+def _cells(values: Iterable[str]) -> str:
+    return "".join(f"{value:>8s}" for value in values)
+
+
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.accuracy.limits", description=__doc__
+    )
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    names = [kind.name for kind in (*SCENARIOS, *HARD)]
+    parser.add_argument("--again", action="store_true", help="gather the evidence anew")
+    parser.add_argument("--only", choices=names, help="one kind of simulated scenes")
+    parser.add_argument(
+        "--scenes", type=int, default=50, metavar="N", help="scenes of each kind (default 50)"
+    )
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default 1)")
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
