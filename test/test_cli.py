@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exclusion_helpers import left_out
 
 import stcalib_ros
 from stcalib_ros.cli import main
 from stcalib_ros.commands import simulate as simulate_command
 from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text
 from stcalib_ros.core.errors import CalibrationError, Cancelled
-from stcalib_ros.core.model.calibration import Calibration, Status, UncalibratedCamera
+from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.model.skeleton import common_skeleton
 from stcalib_ros.core.options import Options
@@ -70,8 +71,8 @@ def found(recording: Recording, options: Options, *, progress: Any) -> Calibrati
     for stage in ("lifting", "solving"):
         for fraction in (0.0, 0.5, 1.0):
             progress(stage, fraction)
-    left_out = (UncalibratedCamera("cam05", "saw nobody"),)
-    return truth(message="Found; least is known of cam03", uncalibrated=left_out)
+    missing = (left_out("cam05", "saw nobody"),)
+    return truth(message="Found; least is known of cam03", uncalibrated=missing)
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["calibrate", "--help"]])

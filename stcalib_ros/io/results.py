@@ -21,6 +21,8 @@ from stcalib_ros.core.model.calibration import (
     UncalibratedCamera,
 )
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
+from stcalib_ros.core.model.rejection_text import labelled, remark_sentence
 from stcalib_ros.io.files import write_text
 from stcalib_ros.io.yaml_files import read_yaml
 
@@ -100,16 +102,17 @@ def read_result(path: Path | str) -> Calibration:
     if version != FORMAT:
         raise InputError(f"{path}: format is {version!r}; this version reads {FORMAT}")
     epoch_s = top.get("epoch_s").number()
+    status, message = top.get("status").status(), top.get("message", "").text()
     return Calibration(
-        status=top.get("status").status(),
-        message=top.get("message", "").text(),
+        status=status,
+        message=message,
         reference=top.get("reference").text(),
         metric=top.get("metric").boolean(),
         epoch_s=epoch_s,
         window_s=_window(top.get("window_s", [epoch_s, epoch_s])),
         cameras=tuple(_camera(n, e) for n, e in top.get("cameras").items()),
         uncalibrated=tuple(
-            UncalibratedCamera(n, e.text()) for n, e in top.get("uncalibrated", {}).items()
+            UncalibratedCamera(n, _rejection(e)) for n, e in top.get("uncalibrated", {}).items()
         ),
         persons=tuple(_person(e) for e in top.get("persons", []).elements()),
         pairs=tuple(_pair(e) for e in top.get("pairs", []).elements()),
@@ -120,6 +123,10 @@ def read_result(path: Path | str) -> Calibration:
         parameter_order=tuple(e.text() for e in top.get("parameter_order", []).elements()),
         frame_id=top.get("frame_id", "").text(),
         scale_stddev=top.get("scale_stddev", np.nan).number(),
+        rejections=_rejections(top, status, message),
+        remarks=tuple(
+            remark for e in top.get("remarks", []).elements() if (remark := _remark(e)) is not None
+        ),
     )
 
 
@@ -140,7 +147,19 @@ def _plain(calibration: Calibration) -> dict[str, Any]:
         "n_observations": int(calibration.n_observations),
         "n_inliers": int(calibration.n_inliers),
         "cameras": {c.name: _plain_camera(c) for c in calibration.cameras},
-        "uncalibrated": {c.name: c.reason for c in calibration.uncalibrated},
+        "uncalibrated": {
+            c.name: _plain_rejection(c.rejection, c.reason) for c in calibration.uncalibrated
+        },
+        "reasons": [_plain_rejection(r, labelled(r)) for r in calibration.rejections],
+        "remarks": [
+            {
+                "code": remark.code.value,
+                "message": remark_sentence(remark),
+                "cameras": list(remark.cameras),
+                "values": _plain_values(remark.values),
+            }
+            for remark in calibration.remarks
+        ],
         "persons": [_plain_person(p) for p in calibration.persons],
         "pairs": [
             {
@@ -154,6 +173,28 @@ def _plain(calibration: Calibration) -> dict[str, Any]:
         "parameter_order": list(calibration.parameter_order),
         "joint_covariance": calibration.joint_covariance.tolist(),
     }
+
+
+def _plain_rejection(rejection: Rejection, message: str) -> dict[str, Any]:
+    """Return a rejection by code and numbers; what is empty is left out."""
+    numbers = {"measured": float(rejection.measured), "limit": float(rejection.limit)}
+    optional = {
+        "unit": rejection.unit,
+        "cameras": list(rejection.cameras),
+        "others": list(rejection.others),
+        "values": _plain_values(rejection.values),
+        "detail": rejection.detail,
+    }
+    return {
+        "code": rejection.reason.value,
+        "message": message,
+        **{name: value for name, value in numbers.items() if not np.isnan(value)},
+        **{name: value for name, value in optional.items() if value},
+    }
+
+
+def _plain_values(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: float(value) for name, value in values.items()}
 
 
 def _plain_camera(camera: CameraCalibration) -> dict[str, Any]:
@@ -296,6 +337,46 @@ class _Entry:
         shown = repr(self.value)
         shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
         return InputError(f"{self.path}: expected {what}, got {shown}")
+
+
+def _rejections(top: _Entry, status: Status, message: str) -> tuple[Rejection, ...]:
+    """Read the reasons; of a file of before there were any, the message is the reason."""
+    before = [] if status is Status.OK else [message]
+    return tuple(_rejection(e) for e in top.get("reasons", before).elements())
+
+
+def _rejection(entry: _Entry) -> Rejection:
+    """Read a rejection; of a version with other codes, its sentence is what is left of it."""
+    if isinstance(entry.value, str):  # files of before there were codes
+        return Rejection(RejectionReason.UNSPECIFIED, detail=entry.value)
+    code = entry.get("code").text()
+    known = code in RejectionReason.__members__
+    return Rejection(
+        reason=RejectionReason(code) if known else RejectionReason.UNSPECIFIED,
+        cameras=_names(entry.get("cameras", [])),
+        measured=entry.get("measured", np.nan).number(),
+        limit=entry.get("limit", np.nan).number(),
+        unit=entry.get("unit", "").text(),
+        others=_names(entry.get("others", [])),
+        values={n: e.number() for n, e in entry.get("values", {}).items()},
+        detail=entry.get("detail" if known else "message", "").text(),
+    )
+
+
+def _remark(entry: _Entry) -> Remark | None:
+    """Read a remark; None if it is one of another version."""
+    code = entry.get("code").text()
+    if code not in RemarkCode.__members__:
+        return None
+    return Remark(
+        RemarkCode(code),
+        _names(entry.get("cameras", [])),
+        {n: e.number() for n, e in entry.get("values", {}).items()},
+    )
+
+
+def _names(entry: _Entry) -> tuple[str, ...]:
+    return tuple(e.text() for e in entry.elements())
 
 
 def _camera(name: str, entry: _Entry) -> CameraCalibration:

@@ -12,6 +12,7 @@ from stcalib_ros.core.geometry.so3 import quaternion_from_matrix, rotation_angle
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
 from stcalib_ros.core.model.recording import CameraRecording, Recording
+from stcalib_ros.core.model.rejection_text import whole_sentences
 from stcalib_ros.core.model.rolling_shutter import line_time_text
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.report.draw_errors import CameraErrors, camera_errors
@@ -55,7 +56,7 @@ def verdict(c: Calibration) -> str:
 
 def _sentence(c: Calibration) -> str:
     if not c.cameras:
-        return _capital(c.message)
+        return " ".join(whole_sentences((), c.rejections))
     total = len(c.cameras) + len(c.uncalibrated)
     found = (
         f"{len(c.cameras)} of {total} cameras, {_count(len(c.persons), 'person')}; "
@@ -63,16 +64,12 @@ def _sentence(c: Calibration) -> str:
         f"{c.reprojection_rms_px:.2f} px (rms)."
     )
     if c.status is not Status.OK:
-        return f"{_capital(c.message)}. Found: {found}"
-    return " ".join([found, *c.remarks])
+        return " ".join([*whole_sentences((), c.rejections), "Found:", found])
+    return " ".join([found, *whole_sentences(c.remarks, c.rejections)])
 
 
 def _count(n: int, what: str) -> str:
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def cameras(stages: Stages) -> str:

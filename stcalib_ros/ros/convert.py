@@ -21,12 +21,15 @@ from stcalib_ros.core.model.calibration import (
     PersonAssociation,
 )
 from stcalib_ros.core.model.recording import Intrinsics
+from stcalib_ros.core.model.rejection import Rejection
+from stcalib_ros.core.model.rejection_text import labelled
 from stcalib_ros.io.messages import NS, camera_info_fields, lens
 from stcalib_ros.io.schemas import CAMERA_INFO, POSES
 from stcalib_ros.io.stamps import ClockCorrection
 from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, PersonPose3DArray, TimeOffset
 from stcalib_ros.msg import PairResidual as PairResidualMessage
 from stcalib_ros.msg import PersonAssociation as PersonAssociationMessage
+from stcalib_ros.msg import Rejection as RejectionMessage
 
 _CLASSES = {POSES: PersonPose3DArray, CAMERA_INFO: CameraInfo}
 
@@ -100,7 +103,7 @@ def calibration_result(
         header=_header(calibration, stamp),
         run_id=run_id,
         status=int(calibration.status),
-        message=message_of(calibration),
+        message=calibration.message,
         extrinsics=extrinsics_messages(calibration, stamp=stamp),
         time_offsets=time_offset_messages(calibration, stamp=stamp, frame_rates=frame_rates),
         persons=[_person(p) for p in calibration.persons],
@@ -113,13 +116,8 @@ def calibration_result(
         scale_stddev=calibration.scale_stddev,
         joint_covariance=calibration.joint_covariance.ravel().tolist(),
         parameter_order=list(calibration.parameter_order),
+        reasons=[_rejection(r) for r in calibration.reasons],
     )
-
-
-def message_of(calibration: Calibration) -> str:
-    """What was found, and which cameras could not be tied to the others and why; for a person."""
-    reasons = [f"{camera.name}: {camera.reason}" for camera in calibration.uncalibrated]
-    return "; ".join([calibration.message, *reasons])
 
 
 def extrinsics_messages(calibration: Calibration, *, stamp: Time) -> list[CameraExtrinsics]:
@@ -205,6 +203,17 @@ def _person(person: PersonAssociation) -> PersonAssociationMessage:
         track_ids=[track for _, track in seen],
         reprojection_rms_px=person.reprojection_rms_px,
         margin=person.margin,
+    )
+
+
+def _rejection(rejection: Rejection) -> RejectionMessage:
+    return RejectionMessage(
+        code=rejection.reason.value,
+        cameras=list(rejection.cameras),
+        measured=float(rejection.measured),
+        limit=float(rejection.limit),
+        unit=rejection.unit,
+        message=labelled(rejection),
     )
 
 

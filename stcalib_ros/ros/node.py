@@ -24,12 +24,13 @@ from sensor_msgs.msg import CameraInfo
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.core.monitoring.replacement import should_replace
 from stcalib_ros.io.history import History, Kept
 from stcalib_ros.msg import CalibrationResult, PersonPose3DArray
 from stcalib_ros.ros.buffers import Buffers, Counts
-from stcalib_ros.ros.convert import calibration_result, message_of, time_message
+from stcalib_ros.ros.convert import calibration_result, time_message
 from stcalib_ros.ros.diagnostics import (
     STARVED_S,
     SolverState,
@@ -88,6 +89,7 @@ class Calibrator:
         self.history = History(self.settings.results_folder, keep=self.settings.keep_results)
         self.in_force: Kept | None = None
         self._in_force_run = self._last_run = self._last_status = self._last_message = ""
+        self._last_reasons: tuple[Rejection, ...] = ()
         self._last_took_s = self._last_ended_s = math.nan
         self.run: Run | None = None
         self._trigger, self._meter = Trigger(), Meter()
@@ -263,7 +265,8 @@ class Calibrator:
             verdict = f"in force, since {reason}{self._take(calibration, job.run_id)}"
         else:
             verdict = f"not taken: {reason}"
-        self._last_message = f"{message_of(calibration)}; {verdict}" if taken else verdict
+        self._last_reasons = calibration.reasons
+        self._last_message = f"{calibration.message}; {verdict}" if taken else verdict
         self.log.info(f"run {job.run_id} has ended: {self._last_message}")
         self._last_run, self._last_status = job.run_id, calibration.status.name
         self._last_took_s, self._last_ended_s = outcome.took_s, outcome.ended_s
@@ -357,6 +360,7 @@ class Calibrator:
             last_run=self._last_run,
             last_status=self._last_status,
             last_message=self._last_message,
+            last_reasons=self._last_reasons,
             last_took_s=self._last_took_s,
             last_ended_s=self._last_ended_s,
         )

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from exclusion_helpers import left_out
 from scipy.spatial.transform import Rotation
 from stcalib_ros.msg import CalibrationResult, PersonPose3D, PersonPose3DArray
 from std_msgs.msg import Header
@@ -16,7 +17,6 @@ from stcalib_ros.core.model.calibration import (
     PairResidual,
     PersonAssociation,
     Status,
-    UncalibratedCamera,
 )
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.ros.convert import calibration_result
@@ -50,7 +50,7 @@ def calibration() -> Calibration:
         epoch_s=1_760_000_000.25,
         window_s=(1_760_000_000.25, 1_760_000_060.5),
         cameras=tuple(camera(f"cam{i}", i) for i in range(3)),
-        uncalibrated=(UncalibratedCamera("cam3", "shares nobody with the others"),),
+        uncalibrated=(left_out("cam3", "shares nobody with the others"),),
         persons=(
             PersonAssociation(0, {"cam0": (3,), "cam1": (7, 12)}, 1.5, 4.0),
             PersonAssociation(1, {"cam2": (1,)}, 2.5),

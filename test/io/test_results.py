@@ -10,6 +10,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 import yaml
+from exclusion_helpers import left_out
 from hypothesis import HealthCheck, given, settings
 from scipy.spatial.transform import Rotation
 
@@ -20,7 +21,6 @@ from stcalib_ros.core.model.calibration import (
     PairResidual,
     PersonAssociation,
     Status,
-    UncalibratedCamera,
 )
 from stcalib_ros.io.results import read_result, result_text, write_result
 
@@ -57,7 +57,7 @@ def calibration(numbers: list[float], rotation: Rotation, margin: float = math.i
         epoch_s=float(a[43]),
         window_s=(float(a[44]), float(a[45])),
         cameras=cameras,
-        uncalibrated=(UncalibratedCamera("cam2", "nobody in common: 'x'"),),
+        uncalibrated=(left_out("cam2", "nobody in common: 'x'"),),
         persons=(
             PersonAssociation(0, {"cam0": (3,), "cam1": (7, 12)}, 1.9, margin),
             PersonAssociation(1, {}, math.nan),

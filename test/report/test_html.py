@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exclusion_helpers import left_out
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
+from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.stages import Stages
@@ -101,7 +102,7 @@ def test_names_are_anybodys_text(report_scene: Scene) -> None:
     )
     recording = dataclasses.replace(report_scene.recording, cameras=cameras)
     stages = run_stages(recording)
-    stranger = UncalibratedCamera("<img src=x>", "saw <b>nobody</b>")
+    stranger = left_out("<img src=x>", "saw <b>nobody</b>")
     page = Page(report_html(recording, changed(stages, uncalibrated=(stranger,))))
     assert "script" not in page.tags
     assert len(page.sources) == 3
@@ -109,7 +110,7 @@ def test_names_are_anybodys_text(report_scene: Scene) -> None:
 
 
 def test_cameras_that_are_not_calibrated(report_scene: Scene, report_stages: Stages) -> None:
-    lost = UncalibratedCamera("cam7", "shares nobody's motion with cam0, cam1")
+    lost = left_out("cam7", "shares nobody's motion with cam0, cam1")
     page = Page(report_html(report_scene.recording, changed(report_stages, uncalibrated=(lost,))))
     assert "3 of 4 cameras" in page.text
     assert lost.reason in page.text

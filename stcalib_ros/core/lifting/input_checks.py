@@ -10,12 +10,14 @@ import numpy as np
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
+from stcalib_ros.core.model.calibration import Insufficient, Status, UncalibratedCamera
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.core.model.rejection import Insufficient
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.options import Options
 
+MIN_CAMERAS = 2
+"""Cameras, count. As many must be comparable. Derived: one has nothing to be calibrated against."""
 _SMOOTHING_S = 0.25
 _MOVING_BODIES = 0.03
 """Slow movement of the key points that counts as moving, as a share of the body's height."""
@@ -123,33 +125,26 @@ def select_cameras(cameras: Sequence[LiftedCamera], first: int, options: Options
         Fewer than two are left.
     """
     order = [first, *(i for i in range(len(cameras)) if i != first)]
-    if len(cameras) < 2:
-        only = cameras[0].name if cameras else "none"
-        raise Insufficient(
-            Status.INSUFFICIENT_DATA,
-            f"{len(cameras)} camera with poses ({only}): at least two that see the same people "
-            "are needed",
-        )
     seeing = [i for i in order if cameras[i].tracks]
     rejected = [
-        UncalibratedCamera(cameras[i].name, "no person with enough key points and 3D joints")
-        for i in order
-        if i not in seeing
+        UncalibratedCamera(name, Rejection(RejectionReason.NO_PERSONS, (name,)))
+        for name in (cameras[i].name for i in order if i not in seeing)
     ]
     groups = _overlapping(cameras, seeing, options)
     kept = max(groups, key=len, default=[])
     for group in groups:
         if group is not kept:
             rejected += [_clock_rejection(cameras, i, kept, options) for i in group]
-    if len(kept) < 2:
-        raise Insufficient(Status.INSUFFICIENT_DATA, _no_overlap(rejected), rejected)
+    if len(kept) < MIN_CAMERAS:
+        few = Rejection(
+            RejectionReason.TOO_FEW_CAMERAS,
+            measured=float(len(kept)),
+            limit=float(MIN_CAMERAS),
+            unit="cameras",
+        )
+        raise Insufficient(Status.INSUFFICIENT_DATA, few, rejected)
     _require_motion([cameras[i] for i in kept])
     return Selection(tuple(kept), tuple(rejected))
-
-
-def _no_overlap(rejected: Sequence[UncalibratedCamera]) -> str:
-    reasons = "; ".join(f"{camera.name}: {camera.reason}" for camera in rejected)
-    return f"fewer than two cameras can be compared: {reasons}"
 
 
 def _overlapping(
@@ -184,39 +179,46 @@ def _clock_rejection(
     cameras: Sequence[LiftedCamera], i: int, kept: Sequence[int], options: Options
 ) -> UncalibratedCamera:
     camera = cameras[i]
-    begin, end = float(camera.stamps[0]), float(camera.stamps[-1])
-    others = (
-        min(float(cameras[j].stamps[0]) for j in kept),
-        max(float(cameras[j].stamps[-1]) for j in kept),
-    )
-    gap = max(begin - others[1], others[0] - end)
-    if gap > 2.0 * options.offset_range_s:
-        reason = (
-            f"its clock does not overlap with the others: {begin:.1f}..{end:.1f} s against "
-            f"{others[0]:.1f}..{others[1]:.1f} s, {gap:.1f} s apart with an offset range of "
-            f"+-{options.offset_range_s:g} s; widen offset_range_s or set its clock"
+    begin_s, end_s = float(camera.stamps[0]), float(camera.stamps[-1])
+    others_begin_s = min(float(cameras[j].stamps[0]) for j in kept)
+    others_end_s = max(float(cameras[j].stamps[-1]) for j in kept)
+    gap_s = max(begin_s - others_end_s, others_begin_s - end_s)
+    others = tuple(cameras[j].name for j in kept)
+    if gap_s > 2.0 * options.offset_range_s:
+        rejection = Rejection(
+            RejectionReason.CLOCK_EPOCH_DIFFERS,
+            (camera.name,),
+            gap_s,
+            2.0 * options.offset_range_s,
+            "s",
+            others,
+            {
+                "begin_s": begin_s,
+                "end_s": end_s,
+                "others_begin_s": others_begin_s,
+                "others_end_s": others_end_s,
+            },
         )
     else:
-        reason = (
-            f"only {_images(len(camera.stamps))} and fewer than {options.min_common_frames} in "
-            "common with the others; record longer"
+        rejection = Rejection(
+            RejectionReason.NO_TEMPORAL_OVERLAP,
+            (camera.name,),
+            max(_common_frames(camera, cameras[j], options) for j in kept),
+            float(options.min_common_frames),
+            "images",
+            others,
         )
-    return UncalibratedCamera(camera.name, reason)
-
-
-def _images(n: int) -> str:
-    return "1 image" if n == 1 else f"{n} images"
+    return UncalibratedCamera(camera.name, rejection)
 
 
 def _require_motion(cameras: Sequence[LiftedCamera]) -> None:
     movement = [movement_of(track, camera.stamps) for camera in cameras for track in camera.tracks]
     most = max(movement, default=0.0)
     if most < _MOVING_BODIES:
-        raise Insufficient(
-            Status.DEGENERATE,
-            f"nobody moves: key points wander by {100 * most:.1f} % of a body's height at most, "
-            f"{100 * _MOVING_BODIES:.0f} % are needed; have people walk through the scene",
+        still = Rejection(
+            RejectionReason.NO_MOTION, measured=most, limit=_MOVING_BODIES, unit="body heights"
         )
+        raise Insufficient(Status.DEGENERATE, still)
 
 
 def movement_of(track: LiftedTrack, stamps: Float64Array) -> float:

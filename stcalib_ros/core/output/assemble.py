@@ -19,10 +19,13 @@ from stcalib_ros.core.model.calibration import (
 )
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Rejection
+from stcalib_ros.core.model.rejection_text import labelled, remark_sentence
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.output.world_frame import WorldAlignment
 from stcalib_ros.core.reconstruction.people import found_persons
 from stcalib_ros.core.validation.cross_view import pair_residuals
+from stcalib_ros.core.validation.verdict import Verdict
 
 
 def make_calibration(
@@ -33,8 +36,7 @@ def make_calibration(
     covariance: Float64Array,
     placement: WorldAlignment,
     *,
-    status: Status,
-    message: str,
+    verdict: Verdict,
     uncalibrated: Sequence[UncalibratedCamera],
     world_frame: str = "",
 ) -> Calibration:
@@ -51,8 +53,7 @@ def make_calibration(
         In the frame of the reference camera and the unit of the round.
     placement : WorldAlignment
         Where the result lies.
-    status : Status
-    message : str
+    verdict : Verdict
     uncalibrated : sequence of UncalibratedCamera
     world_frame : str
         Name of the frame of an upright placement.
@@ -71,8 +72,10 @@ def make_calibration(
     epoch = recording.epoch_ns * 1e-9
     window = _window(cameras, last)
     return Calibration(
-        status=status,
-        message=message,
+        status=verdict.status,
+        message=_summary(verdict, uncalibrated, calibrated=len(names)),
+        rejections=verdict.rejections,
+        remarks=verdict.remarks,
         reference=recording.cameras[rig.cameras[0]].name,
         metric=placement.metric,
         epoch_s=epoch,
@@ -156,16 +159,25 @@ def failed_calibration(
     recording: Recording,
     *,
     status: Status,
-    message: str,
-    uncalibrated: Sequence[UncalibratedCamera],
+    rejections: tuple[Rejection, ...],
+    uncalibrated: Sequence[UncalibratedCamera] = (),
 ) -> Calibration:
-    """A result that says why there is none."""
+    """Return a calibration without cameras, with the reasons.
+
+    Parameters
+    ----------
+    recording : Recording
+    status : Status
+    rejections : tuple of Rejection
+    uncalibrated : sequence of UncalibratedCamera
+    """
     stamps = [s for c in recording.cameras for s in (c.stamps[:1], c.stamps[-1:]) if len(s)]
     epoch = recording.epoch_ns * 1e-9
     times = np.concatenate(stamps) if stamps else np.zeros(1)
     return Calibration(
         status=status,
-        message=message,
+        message=_summary(Verdict(status, rejections), uncalibrated),
+        rejections=rejections,
         reference=recording.cameras[0].name if recording.cameras else "",
         metric=False,
         epoch_s=epoch,
@@ -178,3 +190,16 @@ def failed_calibration(
         n_observations=0,
         n_inliers=0,
     )
+
+
+def _summary(
+    verdict: Verdict, uncalibrated: Sequence[UncalibratedCamera], *, calibrated: int = 0
+) -> str:
+    """Return one line: what was found, or why not, and why cameras are missing."""
+    total = calibrated + len(uncalibrated)
+    good = verdict.status is Status.OK
+    parts = [f"{calibrated} of {total} cameras calibrated"] if good else []
+    parts += map(remark_sentence, verdict.remarks)
+    parts += map(labelled, verdict.rejections)
+    parts += [f"{camera.name}: {camera.reason}" for camera in uncalibrated]
+    return "; ".join(parts)

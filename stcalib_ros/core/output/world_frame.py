@@ -13,6 +13,7 @@ from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options
@@ -45,15 +46,15 @@ class WorldAlignment:
         Of a metre, as a share; NaN if not metric.
     upright : GravityFrame or None
         Frame of the result, in the unit of the adjustment; None: that of the reference camera.
-    complaint : str
-        Why the result is not to be used; empty if it is.
+    rejection : Rejection, optional
+        Why the result is not to be used.
     """
 
     unit: float
     metric: bool = False
     scale_stddev: float = float("nan")
     upright: GravityFrame | None = None
-    complaint: str = ""
+    rejection: Rejection | None = None
 
     @property
     def R(self) -> Float64Array:
@@ -119,20 +120,20 @@ def place(
     options : Options
     """
     people = tuple(joint_paths(last))
-    complaint, scale = "", None
+    rejection, scale = None, None
     try:
         scale = _scale(recording, cameras, skeleton, last, covariance, people, options)
     except InconsistentScale as why:
-        complaint = str(why)
+        rejection = Rejection(RejectionReason.INCONSISTENT_SCALE, detail=str(why))
     upright = None
     if options.world_frame:
         block = max(1, round(_BLOCK_S / last.observations.step_s))
         upright, why_not = find_upright(skeleton.layout, people, block=block)
         if upright is None:
-            complaint = complaint or f"world_frame: {why_not}; leave it empty, or have people walk"
+            rejection = rejection or Rejection(RejectionReason.NO_VERTICAL, detail=why_not)
     if scale is None:
-        return WorldAlignment(baseline_unit(last.rig), upright=upright, complaint=complaint)
-    return WorldAlignment(scale.metres, True, scale.stddev, upright, complaint)
+        return WorldAlignment(baseline_unit(last.rig), upright=upright, rejection=rejection)
+    return WorldAlignment(scale.metres, True, scale.stddev, upright, rejection)
 
 
 def baseline_unit(rig: Rig) -> float:

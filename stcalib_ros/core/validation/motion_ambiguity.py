@@ -15,6 +15,7 @@ import numpy as np
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.reconstruction.people import found_persons, people_on_grid
 from stcalib_ros.core.registration.correlation import PairCovariance, cross_covariance
@@ -47,20 +48,18 @@ class Ambiguity:
     alike: tuple[tuple[int, int], ...] = ()
     on_a_line: bool = False
 
-    def sentences(self) -> list[str]:
-        """What there is of these, and what would help."""
-        said = []
+    def rejections(self) -> tuple[Rejection, ...]:
+        """Return what there is of these."""
+        found = []
         if self.periods_s:
-            said.append(
-                f"everybody's motion repeats itself after {_range(self.periods_s)}: offsets that "
-                "are wrong by that look right; let people turn, stop and start"
-            )
-        if self.alike:
-            pairs = ", ".join(f"{p} and {q}" for p, q in self.alike)
-            said.append(f"persons {pairs} move alike: let everybody move in his own way")
+            values = {"shortest_s": min(self.periods_s), "longest_s": max(self.periods_s)}
+            found.append(Rejection(RejectionReason.PERIODIC_MOTION, values=values))
+        for p, q in self.alike:
+            values = {"person_a": float(p), "person_b": float(q)}
+            found.append(Rejection(RejectionReason.IDENTICAL_MOTION, values=values))
         if self.on_a_line:
-            said.append("everybody stays on one line: let people walk across it, too")
-        return said
+            found.append(Rejection(RejectionReason.COLLINEAR_MOTION))
+        return tuple(found)
 
 
 def find_ambiguity(
@@ -117,8 +116,3 @@ def on_a_line(last: Iteration) -> bool:
     body = (last.state.X[rows] * weight).sum(1)
     spread = np.linalg.svd(body - body.mean(0), compute_uv=False) / np.sqrt(len(body))
     return bool(spread[0] > _LINE_LENGTH and spread[1] < _LINE_WIDTH)
-
-
-def _range(periods: Sequence[float]) -> str:
-    low, high = min(periods), max(periods)
-    return f"{low:.2f} s" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f} to {high:.2f} s"
