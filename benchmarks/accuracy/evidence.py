@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import stcalib_ros
@@ -25,6 +26,7 @@ from stcalib_ros.core.errors import StcalibError
 from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import RejectionReason
 from stcalib_ros.core.model.rolling_shutter import with_known_line_times
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.output.assemble import make_calibration
@@ -32,7 +34,7 @@ from stcalib_ros.core.output.world_frame import WorldAlignment
 from stcalib_ros.core.solution import CalibrationProblem
 from stcalib_ros.core.synthetic import simulate
 from stcalib_ros.core.validation.camera_checks import CameraChecks
-from stcalib_ros.core.validation.verdict import Solution
+from stcalib_ros.core.validation.verdict import Solution, Verdict
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.convert import convert_npz
 from stcalib_ros.io.mocap import shipped_clips
@@ -156,7 +158,7 @@ def _short(value: float) -> float | str:
 
 
 def _checks(names: list[str], values: list[float | str]) -> CameraChecks:
-    numbers = (float(value) if isinstance(value, str) else value for value in values)
+    numbers: list[Any] = [float(v) if isinstance(v, str) else v for v in values]
     return CameraChecks(**dict(zip(names, numbers, strict=True)))
 
 
@@ -217,58 +219,38 @@ class Task:
 
 def rows_of(task: Task, recording: Recording, options: Options) -> tuple[Row, ...]:
     """Calibrate, and compare every solution that is checked with the truth."""
-    with _recorded() as record:
+    with _recorded() as solutions:
         try:
-            pipeline.calibrate(recording, options)
+            calibration = pipeline.calibrate(recording, options)
         except StcalibError:
             return ()
+    has_rival = any(why.reason is RejectionReason.RIVAL_SOLUTION for why in calibration.rejections)
     return tuple(
         Row(
             task.scene,
             task.seed,
             task.real,
             _errors(problem, recording, found, task),
-            record.doubtful or _is_unsettled(found),
+            has_rival or found.unsettled > 0,
             found.checks,
         )
-        for problem, found in record.solutions
+        for problem, found in solutions
     )
 
 
-class _Record:
-    """Solutions that were checked, and whether the last one was doubted as a whole."""
-
-    def __init__(self) -> None:
-        self.solutions: list[tuple[CalibrationProblem, Solution]] = []
-        self.doubtful = False
-
-
 @contextmanager
-def _recorded() -> Iterator[_Record]:
-    """Keep what passes between the pipeline's stages and its checks."""
-    record = _Record()
-    check_solution, judge = solution.check_solution, pipeline.judge
+def _recorded() -> Iterator[list[tuple[CalibrationProblem, Solution]]]:
+    """Keep every solution that the pipeline checks."""
+    found: list[tuple[CalibrationProblem, Solution]] = []
+    check_solution = solution.check_solution
 
-    def checked(problem: CalibrationProblem, *args: object) -> Solution:
-        found = check_solution(problem, *args)  # type: ignore[arg-type]
-        record.solutions.append((problem, found))
-        return found
+    def checked(problem: CalibrationProblem, *args: Any, **kwargs: Any) -> Solution:
+        one = check_solution(problem, *args, **kwargs)
+        found.append((problem, one))
+        return one
 
-    def judged(cameras, skeleton, found, doubt):  # type: ignore[no-untyped-def]
-        record.doubtful = bool(found.doubt or doubt)
-        return judge(cameras, skeleton, found, doubt)
-
-    with (
-        mock.patch.object(solution, "check_solution", checked),
-        mock.patch.object(pipeline, "judge", judged),
-    ):
-        yield record
-
-
-def _is_unsettled(found: Solution) -> bool:
-    before = found.iterations[:-1]
-    step_s = found.last.observations.step_s
-    return bool(before) and before[-1].differing(found.last, step_s) > 0
+    with mock.patch.object(solution, "check_solution", checked):
+        yield found
 
 
 def _errors(
@@ -281,8 +263,7 @@ def _errors(
         found.last,
         found.covariance,
         WorldAlignment(1.0),
-        status=Status.OK,
-        message="",
+        verdict=Verdict(Status.OK),
         uncalibrated=(),
     )
     errors = evaluate(calibration, task.truth, fps=task.fps)

@@ -15,6 +15,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 from benchmarks.accuracy.evidence import Row, Table, gather, read_table, write_table
 from benchmarks.accuracy.scenarios import HARD, SCENARIOS
@@ -96,26 +97,25 @@ def count(rows: Iterable[Row], thresholds: Thresholds = DEFAULT) -> Count:
 
 def replay(rows: Sequence[Row]) -> tuple[Replay, ...]:
     """Count wrong decisions with every limit changed, one at a time."""
-    found = []
-    for field in fields(Thresholds):
-        name, value = field.name, getattr(DEFAULT, field.name)
-        if name in EARLIER:
-            continue
+    return tuple(
+        _with_changed(rows, field.name) for field in fields(Thresholds) if field.name not in EARLIER
+    )
 
-        def counted(changed: float, name: str = name) -> Count:
-            return count(rows, replace(DEFAULT, **{name: changed}))
 
-        off = _DISABLED.get(name.partition("_")[0])
-        found.append(
-            Replay(
-                name,
-                value,
-                counted((1.0 - CHANGE) * value),
-                counted((1.0 + CHANGE) * value),
-                None if off is None else counted(off),
-            )
-        )
-    return tuple(found)
+def _with_changed(rows: Sequence[Row], limit: str) -> Replay:
+    value = float(getattr(DEFAULT, limit))
+    off = _DISABLED.get(limit.partition("_")[0])
+
+    def counted(changed: Any) -> Count:
+        return count(rows, replace(DEFAULT, **{limit: changed}))
+
+    return Replay(
+        limit,
+        value,
+        counted((1.0 - CHANGE) * value),
+        counted((1.0 + CHANGE) * value),
+        None if off is None else counted(off),
+    )
 
 
 def print_table(table: Table) -> None:
