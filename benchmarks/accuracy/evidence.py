@@ -101,20 +101,19 @@ class Table:
     absent: tuple[str, ...] = ()
 
 
-def gather(kinds: Sequence[Scenario], n_scenes: int, *, jobs: int = 1) -> Table:
+def gather(kinds: Sequence[tuple[Scenario, int]], *, jobs: int = 1) -> Table:
     """Calibrate simulated scenes and the real recordings, and keep the evidence.
 
     Parameters
     ----------
-    kinds : sequence of Scenario
-        Kinds of simulated scenes.
-    n_scenes : int
-        Number of scenes of each kind; a kind that has fewer gives all it has.
+    kinds : sequence of (Scenario, int)
+        Kinds of simulated scenes, and the number of scenes of each; a kind that has fewer gives
+        all it has.
     jobs : int
         Number of processes.
     """
     found: list[tuple[Row, ...]] = []
-    for kind in kinds:
+    for kind, n_scenes in kinds:
         n = min(n_scenes, kind.n_scenes)
         found += run_scenes(partial(_simulated, kind), n, title=kind.name, jobs=jobs)
     cases = real_cases()
