@@ -83,7 +83,6 @@ UNNAMED_NUMBERS = {
     f"{CORE}.validation.cross_view",
     f"{PACKAGE}.io.convert",
     f"{PACKAGE}.io.datasets.alphapose",
-    f"{PACKAGE}.io.results",
     f"{PACKAGE}.io.rigs",
     f"{PACKAGE}.report.draw_room",
     f"{PACKAGE}.report.room",

@@ -87,6 +87,11 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         metavar="N",
         help="processes that share the pairs of cameras; the result is the same (default: 1)",
     )
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print one JSON object instead of text: status, reasons, cameras",
+    )
     parser.add_argument("-q", "--quiet", action="store_true", help="print warnings and errors only")
 
 
@@ -105,6 +110,7 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
     from stcalib_ros.core.pipeline import run_stages
     from stcalib_ros.io.bag import read_bag
     from stcalib_ros.io.files import require_writable
+    from stcalib_ros.io.results import result_json
     from stcalib_ros.report import require_matplotlib
 
     require_writable(args.output)
@@ -128,9 +134,11 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
     written = [_write(stages.calibration, args.output)]
     if args.report is not None:
         written.append(_write_report(recording, stages, args.report))
+    if args.json:
+        print(result_json(stages.calibration))
     if stages.calibration.status is not Status.OK:
         raise CalibrationError(_refusal(stages.calibration, written))
-    if not args.quiet:
+    if not (args.quiet or args.json):
         print(calibration_text(stages.calibration))
         print(f"\nWritten to {' and '.join(map(str, filter(None, written)))}")
     return recording, stages.calibration

@@ -122,12 +122,7 @@ def run_stages(
         rigs = method.integrate(problem, group, pairs)
         solution = method.adjust(problem, pairs, rigs, exclusions)
     except Insufficient as why:
-        failed = failed_calibration(
-            recording,
-            status=why.status,
-            rejections=(why.rejection,),
-            uncalibrated=why.uncalibrated,
-        )
+        failed = failed_calibration(recording, why.status, (why.rejection,), why.uncalibrated)
         return Stages(views.skeleton, views.lifted, hypotheses, rigs, (), failed)
     calibration, alignment = _judged(recording, problem, solution)
     return Stages(
@@ -168,7 +163,7 @@ def _judged(
     alignment = place(
         recording, views.lifted, views.skeleton, solution.last, solution.covariance, options
     )
-    verdict = judge(views.lifted, views.skeleton, solution, alignment.rejection)
+    judgement = judge(views.lifted, views.skeleton, solution, alignment.rejection)
     calibration = make_calibration(
         recording,
         views.lifted,
@@ -176,7 +171,7 @@ def _judged(
         solution.last,
         solution.covariance,
         alignment,
-        verdict=verdict,
+        judgement=judgement,
         uncalibrated=solution.exclusions.cameras,
         world_frame=options.world_frame,
     )

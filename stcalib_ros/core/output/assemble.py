@@ -25,7 +25,7 @@ from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.output.world_frame import WorldAlignment
 from stcalib_ros.core.reconstruction.people import found_persons
 from stcalib_ros.core.validation.cross_view import pair_residuals
-from stcalib_ros.core.validation.verdict import Verdict
+from stcalib_ros.core.validation.verdict import Judgement
 
 
 def make_calibration(
@@ -36,7 +36,7 @@ def make_calibration(
     covariance: Float64Array,
     placement: WorldAlignment,
     *,
-    verdict: Verdict,
+    judgement: Judgement,
     uncalibrated: Sequence[UncalibratedCamera],
     world_frame: str = "",
 ) -> Calibration:
@@ -53,7 +53,7 @@ def make_calibration(
         In the frame of the reference camera and the unit of the round.
     placement : WorldAlignment
         Where the result lies.
-    verdict : Verdict
+    judgement : Judgement
     uncalibrated : sequence of UncalibratedCamera
     world_frame : str
         Name of the frame of an upright placement.
@@ -72,10 +72,10 @@ def make_calibration(
     epoch = recording.epoch_ns * 1e-9
     window = _window(cameras, last)
     return Calibration(
-        status=verdict.status,
-        message=_summary(verdict, uncalibrated, calibrated=len(names)),
-        rejections=verdict.rejections,
-        remarks=verdict.remarks,
+        status=judgement.status,
+        message=_summary(judgement, uncalibrated, calibrated=len(names)),
+        rejections=judgement.rejections,
+        remarks=judgement.remarks,
         reference=recording.cameras[rig.cameras[0]].name,
         metric=placement.metric,
         epoch_s=epoch,
@@ -157,7 +157,6 @@ def _camera(
 
 def failed_calibration(
     recording: Recording,
-    *,
     status: Status,
     rejections: tuple[Rejection, ...],
     uncalibrated: Sequence[UncalibratedCamera] = (),
@@ -176,7 +175,7 @@ def failed_calibration(
     times = np.concatenate(stamps) if stamps else np.zeros(1)
     return Calibration(
         status=status,
-        message=_summary(Verdict(status, rejections), uncalibrated),
+        message=_summary(Judgement(status, rejections), uncalibrated),
         rejections=rejections,
         reference=recording.cameras[0].name if recording.cameras else "",
         metric=False,
@@ -193,13 +192,19 @@ def failed_calibration(
 
 
 def _summary(
-    verdict: Verdict, uncalibrated: Sequence[UncalibratedCamera], *, calibrated: int = 0
+    judgement: Judgement, uncalibrated: Sequence[UncalibratedCamera], *, calibrated: int = 0
 ) -> str:
-    """Return one line: what was found, or why not, and why cameras are missing."""
+    """Return one line: what was found, or why not, and why cameras are missing.
+
+    Where a reason against the calibration as a whole comes first, those of single cameras follow
+    from it and would only make the line longer.
+    """
     total = calibrated + len(uncalibrated)
-    good = verdict.status is Status.OK
+    good = judgement.status is Status.OK
     parts = [f"{calibrated} of {total} cameras calibrated"] if good else []
-    parts += map(remark_sentence, verdict.remarks)
-    parts += map(labelled, verdict.rejections)
+    parts += map(remark_sentence, judgement.remarks)
+    rejections = judgement.rejections
+    whole = not all(rejection.cameras for rejection in rejections[:1])
+    parts += [labelled(one) for one in rejections if not (whole and one.cameras)]
     parts += [f"{camera.name}: {camera.reason}" for camera in uncalibrated]
     return "; ".join(parts)

@@ -21,7 +21,7 @@ from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.validation.cross_view import bone_rotations, depth_ratios, usual_distances
 from stcalib_ros.core.validation.lookalikes import has_lookalike_alternative
 from stcalib_ros.core.validation.offset_ambiguity import offset_peak_ratios
-from stcalib_ros.core.validation.thresholds import DEFAULT, Thresholds
+from stcalib_ros.core.validation.thresholds import DEFAULT, CheckThresholds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,14 +79,14 @@ class CameraChecks:
 
 
 def rejection(
-    checks: CameraChecks, thresholds: Thresholds = DEFAULT, *, camera: str = ""
+    checks: CameraChecks, thresholds: CheckThresholds = DEFAULT, *, camera: str = ""
 ) -> Rejection | None:
     """Return the first reason to reject a camera, with its number; None if there is none.
 
     Parameters
     ----------
     checks : CameraChecks
-    thresholds : Thresholds
+    thresholds : CheckThresholds
         Limits to decide by.
     camera : str
         Name of the camera.
@@ -97,7 +97,7 @@ def rejection(
     return None
 
 
-def _unsupported(checks: CameraChecks, limits: Thresholds) -> Iterator[Rejection]:
+def _unsupported(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Rejection]:
     """Yield what says that too little of what a camera observes agrees with the others."""
     if checks.inliers < limits.min_inliers:
         yield _violated(
@@ -128,7 +128,7 @@ def _unsupported(checks: CameraChecks, limits: Thresholds) -> Iterator[Rejection
         )
 
 
-def _mixed_up(checks: CameraChecks, limits: Thresholds) -> Iterator[Rejection]:
+def _mixed_up(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Rejection]:
     """Yield what says that persons are taken for each other."""
     if checks.has_lookalikes:
         yield Rejection(RejectionReason.LOOKALIKES)
@@ -141,7 +141,7 @@ def _mixed_up(checks: CameraChecks, limits: Thresholds) -> Iterator[Rejection]:
         yield _violated(RejectionReason.DISTANCES_DISAGREE, checks.depth_ratio, most, least=least)
 
 
-def _uncertain(checks: CameraChecks, limits: Thresholds) -> Iterator[Rejection]:
+def _uncertain(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Rejection]:
     """Yield what says that pose or clock are not determined."""
     if not checks.rotation_stddev < limits.max_rotation_stddev:
         yield _violated(

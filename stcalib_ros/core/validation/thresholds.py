@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Thresholds:
+class CheckThresholds:
     """Limits of `camera_checks.rejection` and of what follows from it.
 
     Where nothing else is said, a limit was chosen on the simulated scenes of
@@ -89,5 +89,5 @@ class Thresholds:
     is they who are wrong."""
 
 
-DEFAULT = Thresholds()
+DEFAULT = CheckThresholds()
 """The limits that are in use."""

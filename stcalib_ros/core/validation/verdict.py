@@ -57,7 +57,7 @@ class Solution:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Judgement:
     """Status of a calibration, with the reasons.
 
     Attributes
@@ -80,7 +80,7 @@ def judge(
     skeleton: Skeleton,
     solution: Solution,
     misaligned: Rejection | None,
-) -> Verdict:
+) -> Judgement:
     """Judge a solution.
 
     Parameters
@@ -100,18 +100,18 @@ def judge(
     against = [found for found in (solution.rival, *failed, misaligned) if found is not None]
     if against:
         explained = find_ambiguity(cameras, skeleton, last).rejections()
-        return Verdict(Status.DEGENERATE, (*against, *explained))
+        return Judgement(Status.DEGENERATE, (*against, *explained))
     if solution.unsettled:
         reason = RejectionReason.NOT_CONVERGED
         found = Rejection(reason, measured=float(solution.unsettled), limit=0.0, unit="cameras")
-        return Verdict(Status.NOT_CONVERGED, (found,))
+        return Judgement(Status.NOT_CONVERGED, (found,))
     remarks = (
         *recommend(names, solution.checks, last),
         *unobservable_clock_skews(last),
     )
     left_out = solution.exclusions.cameras
     explained = find_ambiguity(cameras, skeleton, last).rejections() if left_out else ()
-    return Verdict(Status.OK, explained, remarks)
+    return Judgement(Status.OK, explained, remarks)
 
 
 def unsettled_cameras(iterations: Sequence[Iteration]) -> int:

@@ -14,11 +14,12 @@ from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.model.rejection import RejectionReason as R
+from stcalib_ros.core.model.rejection_text import labelled
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.output.assemble import failed_calibration, make_calibration
 from stcalib_ros.core.output.world_frame import place
 from stcalib_ros.core.pipeline import run_stages
-from stcalib_ros.core.validation.verdict import Verdict
+from stcalib_ros.core.validation.verdict import Judgement
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +74,7 @@ def made(stages, recording, **changes):
     return make_calibration(
         *parts,
         place(*parts, Options()),
-        **{"verdict": Verdict(Status.OK), "uncalibrated": ()} | changes,
+        **{"judgement": Judgement(Status.OK), "uncalibrated": ()} | changes,
     )
 
 
@@ -141,7 +142,7 @@ def test_status_message_and_what_is_missing_are_handed_on(stages, small_scene):
     calibration = made(
         stages,
         small_scene.recording,
-        verdict=Verdict(Status.DEGENERATE, (Rejection(R.UNSPECIFIED, detail="not good"),)),
+        judgement=Judgement(Status.DEGENERATE, (Rejection(R.UNSPECIFIED, detail="not good"),)),
         uncalibrated=missing,
     )
     assert calibration.status is Status.DEGENERATE
@@ -167,6 +168,17 @@ def test_nothing_says_why_and_claims_nothing(small_scene):
         [stamps.min(), stamps.max()],
         atol=1e-6,
     )
+
+
+def test_the_message_of_a_failure_of_the_whole_does_not_go_into_cameras(small_scene):
+    whole, camera = Rejection(R.RIVAL_SOLUTION), Rejection(R.LOOKALIKES, ("cam1",))
+    line = Rejection(R.COLLINEAR_MOTION)
+
+    def message(*rejections):
+        return failed_calibration(small_scene.recording, Status.DEGENERATE, rejections).message
+
+    assert message(camera, line) == f"{labelled(camera)}; {labelled(line)}"
+    assert message(whole, camera, line) == f"{labelled(whole)}; {labelled(line)}"
 
 
 def test_nothing_of_nothing():

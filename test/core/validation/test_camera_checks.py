@@ -11,7 +11,7 @@ from stcalib_ros.core.bundle.covariance import pose_covariance
 from stcalib_ros.core.model.rejection import RejectionReason
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.validation.camera_checks import check_cameras, rejection
-from stcalib_ros.core.validation.thresholds import DEFAULT, Thresholds
+from stcalib_ros.core.validation.thresholds import DEFAULT, CheckThresholds
 
 NAN = float("nan")
 
@@ -79,7 +79,9 @@ LIMITS = {
 ELSEWHERE = {"many_outliers", "max_failed_fraction"}
 
 
-@pytest.mark.parametrize("name", [f.name for f in fields(Thresholds) if f.name not in ELSEWHERE])
+@pytest.mark.parametrize(
+    "name", [f.name for f in fields(CheckThresholds) if f.name not in ELSEWHERE]
+)
 def test_decisions_follow_the_limits_given(name):
     limit, change = LIMITS[name]
     checks = replace(SOUND, **change)
