@@ -14,6 +14,7 @@ from exclusion_helpers import left_out
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.core.synthetic import Scene
@@ -72,7 +73,7 @@ def test_it_says_what_was_found(page: Page, report_stages: Stages) -> None:
     assert page.text.strip().startswith("Calibration\n")
     for said in (
         "Calibrated",
-        "Least is known of cam",
+        "The least constrained camera is cam",
         "Clock rates are left out: ",
         f"3 of 3 cameras, 2 persons; {calibration.n_inliers} of {calibration.n_observations}",
         f"{calibration.reprojection_rms_px:.2f} px (rms)",
@@ -116,8 +117,11 @@ def test_cameras_that_are_not_calibrated(report_scene: Scene, report_stages: Sta
     assert lost.reason in page.text
 
 
+TWO = Rejection(RejectionReason.UNSPECIFIED, detail="two solutions fit")
+
+
 def test_refused_with_poses(report_scene: Scene, report_stages: Stages) -> None:
-    refused = changed(report_stages, status=Status.DEGENERATE, message="two solutions fit")
+    refused = changed(report_stages, status=Status.DEGENERATE, rejections=(TWO,))
     page = Page(report_html(report_scene.recording, refused))
     assert page.text.strip().startswith("Calibration refused\n")
     assert "Refused: the data does not determine the cameras" in page.text
