@@ -34,7 +34,7 @@ from stcalib_ros.core.output.world_frame import WorldAlignment
 from stcalib_ros.core.solution import CalibrationProblem
 from stcalib_ros.core.synthetic import simulate
 from stcalib_ros.core.validation.camera_checks import CameraChecks
-from stcalib_ros.core.validation.verdict import Solution, Verdict
+from stcalib_ros.core.validation.verdict import Judgement, Solution
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.convert import convert_npz
 from stcalib_ros.io.mocap import shipped_clips
@@ -262,7 +262,7 @@ def _errors(
         found.last,
         found.covariance,
         WorldAlignment(1.0),
-        verdict=Verdict(Status.OK),
+        judgement=Judgement(Status.OK),
         uncalibrated=(),
     )
     errors = evaluate(calibration, task.truth, fps=task.fps)

@@ -13,7 +13,7 @@ from benchmarks.accuracy.evidence import Row, Table, read_table, write_table
 from benchmarks.accuracy.limits import Count, count, replay
 from benchmarks.accuracy.scenarios import Scenario
 from stcalib_ros.core.synthetic import SceneOptions
-from stcalib_ros.core.validation.thresholds import DEFAULT, Thresholds
+from stcalib_ros.core.validation.thresholds import DEFAULT, CheckThresholds
 
 RIGHT = {"E_R": 0.001, "E_t": 0.001, "E_delta": 0.01}
 WRONG = {"E_R": 0.5, "E_t": 0.001, "E_delta": 0.01}
@@ -38,29 +38,41 @@ ROWS = (
 )
 
 
-def test_wrong_decisions_are_counted():
-    assert count(ROWS) == Count(good_refused=3, wrong_published=2)
-    assert count(ROWS, replace(DEFAULT, max_depth_ratio=1.3)) == Count(4, 2)
+def test_decisions_are_counted():
+    assert count(ROWS) == Count(good_refused=3, wrong_refused=3, wrong_published=2)
+    assert count(ROWS, replace(DEFAULT, max_depth_ratio=1.3)) == Count(4, 3, 2)
 
 
 @pytest.mark.parametrize(
-    ("limit", "smaller", "larger", "without"),
+    ("limit", "smaller", "larger", "without", "alone"),
     [
-        ("min_inliers", Count(2, 3), Count(3, 1), Count(2, 3)),
-        ("max_depth_ratio", Count(4, 2), Count(2, 2), Count(2, 2)),
-        ("max_bone_rotation", Count(3, 2), Count(3, 2), Count(3, 2)),
-        ("certain_bone_rotation", Count(3, 2), Count(3, 2), None),
+        ("min_inliers", Count(2, 2, 3), Count(3, 4, 1), Count(2, 2, 3), Count(1, 2, 3)),
+        ("max_depth_ratio", Count(4, 3, 2), Count(2, 3, 2), Count(2, 3, 2), Count(1, 0, 5)),
+        ("max_bone_rotation", Count(3, 3, 2), Count(3, 3, 2), Count(3, 3, 2), Count(0, 2, 3)),
+        ("certain_bone_rotation", Count(3, 3, 2), Count(3, 3, 2), None, None),
     ],
 )
-def test_every_limit_is_moved_both_ways_and_left_out(limit, smaller, larger, without):
+def test_every_limit_is_moved_left_out_and_tried_alone(limit, smaller, larger, without, alone):
     (found,) = (one for one in replay(ROWS) if one.limit == limit)
     assert found.value == getattr(DEFAULT, limit)
-    assert (found.smaller, found.larger, found.without) == (smaller, larger, without)
+    assert (found.smaller, found.larger, found.without, found.alone) == (
+        smaller,
+        larger,
+        without,
+        alone,
+    )
+
+
+@pytest.mark.parametrize("limit", ["min_shared_s", "min_explained_fraction_if_short"])
+def test_limits_of_one_rule_are_tried_together(limit):
+    rows = (solution(WRONG, shared_s=1.0, explained_fraction=0.6), solution(RIGHT, inliers=10))
+    (found,) = (one for one in replay(rows) if one.limit == limit)
+    assert found.alone == Count(0, 1, 0)
 
 
 def test_no_limit_is_forgotten():
     replayed = [one.limit for one in replay(ROWS)]
-    assert sorted([*replayed, *limits.EARLIER]) == sorted(f.name for f in fields(Thresholds))
+    assert sorted([*replayed, *limits.EARLIER]) == sorted(f.name for f in fields(CheckThresholds))
 
 
 def test_real_recordings_have_bounds_of_their_own():
