@@ -11,10 +11,9 @@ from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.rejection import Remark, RemarkCode
 from stcalib_ros.core.refinement.limits import MAX_SKEW_STDDEV
 from stcalib_ros.core.validation.camera_checks import CameraChecks
-from stcalib_ros.core.validation.motion_ambiguity import on_a_line
+from stcalib_ros.core.validation.limits import LITTLE_SHARED_MOTION
+from stcalib_ros.core.validation.motion_ambiguity import is_collinear
 from stcalib_ros.core.validation.thresholds import DEFAULT
-
-_LITTLE_SHARED = 0.6
 
 
 def recommend(
@@ -58,7 +57,7 @@ def _advice(
     """Return what would help a camera most."""
     own = checks[weak].shared_s
     usual = float(np.median([one.shared_s for i, one in enumerate(checks) if i != weak]))
-    if own < _LITTLE_SHARED * usual:
+    if own < LITTLE_SHARED_MOTION * usual:
         common = shared_s(last)[weak]
         partners = [i for i in range(len(names)) if i != weak and common[i] > 0]
         partner = min(partners, key=lambda i: common[i])
@@ -70,7 +69,7 @@ def _advice(
     *place, clock = _levels(checks[weak])
     if clock > max(place):
         return Remark(RemarkCode.MOVE_FASTER, (names[weak],))
-    if on_a_line(last):
+    if is_collinear(last):
         return Remark(RemarkCode.LEAVE_THE_LINE)
     return Remark(RemarkCode.RECORD_LONGER)
 

@@ -12,7 +12,7 @@ from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.rejection import RejectionReason
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.synthetic import SceneOptions, scene, simulate
-from stcalib_ros.core.validation.motion_ambiguity import Ambiguity, find_ambiguity, on_a_line
+from stcalib_ros.core.validation.motion_ambiguity import Ambiguity, find_ambiguity, is_collinear
 
 PERIOD_S = 0.8
 
@@ -55,7 +55,7 @@ def test_motion_that_repeats_itself_is_named_with_its_period(monkeypatch):
     assert ambiguity_of(stages).periods_s == pytest.approx((PERIOD_S,), abs=0.04)
     periodic = rejections_of(calibration, RejectionReason.PERIODIC_MOTION)
     assert periodic[0].values["longest_s"] == pytest.approx(PERIOD_S, abs=0.04)
-    assert not ambiguity_of(stages).alike
+    assert not ambiguity_of(stages).identical
 
 
 def test_one_who_does_not_repeat_himself_is_enough(monkeypatch):
@@ -78,13 +78,13 @@ def test_people_who_move_alike_are_named(monkeypatch):
     identical = rejections_of(stages.calibration, RejectionReason.IDENTICAL_MOTION)
     assert {"person_a": 0.0, "person_b": 1.0} in [r.values for r in identical]
     people = {person.person_id for person in stages.calibration.persons}
-    assert {p for pair in ambiguity_of(stages).alike for p in pair} <= people
+    assert {p for pair in ambiguity_of(stages).identical for p in pair} <= people
 
 
 def test_people_on_one_line_are_noticed(small_stages):
     standing = SceneOptions(n_people=2, people="gesturing", n_frames=120, seed=6001)
     stages = run_stages(simulate(standing).recording, HALF_SECOND)
-    assert on_a_line(stages.rounds[-1])
-    assert not on_a_line(small_stages.rounds[-1])
+    assert is_collinear(stages.rounds[-1])
+    assert not is_collinear(small_stages.rounds[-1])
     found = ambiguity_of(stages).rejections()
     assert RejectionReason.COLLINEAR_MOTION in [r.reason for r in found]
