@@ -13,14 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.limits import FURTHEST_BINS
 from stcalib_ros.core.bundle.parameters import PointTimes
 from stcalib_ros.core.integration.association import Association
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
-
-_FURTHEST = 0.75
-"""Steps from an image to its knot."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,7 +180,7 @@ def nearest_knots(position: Float64Array) -> IntArray:
     for first, way in ((0, -1), (1, 1)):
         movable = np.flatnonzero(knot[1:] == knot[:-1]) + first
         to = knot[movable] + way
-        free = ~np.isin(to, knot) & (np.abs(position[movable] - to) < _FURTHEST)
+        free = ~np.isin(to, knot) & (np.abs(position[movable] - to) < FURTHEST_BINS)
         knot[movable[free]] = to[free]
     return knot
 
@@ -194,6 +192,7 @@ def blocks_of(o: Observations) -> Iterator[slice]:
 
 
 _BLOCK = 10_000
+"""Count. Keypoints of a block, whose arrays fit into the cache of usual processors. Numerical."""
 
 
 def row_blocks(n_rows: int, per_row: int) -> Iterator[slice]:

@@ -7,17 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.limits import MIN_SHARED_FRACTION, MIN_SHARED_POINTS
 from stcalib_ros.core.bundle.observations import Observations
 from stcalib_ros.core.bundle.residuals import errors_px, median_error
 from stcalib_ros.core.bundle.state import BundleState
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.options import BundleOptions
-
-_MIN_SHARED_POINTS = 100
-
-
-_MIN_SHARE = 0.1
 
 
 def image_points(members: Sequence[LiftedCamera]) -> IntArray:
@@ -41,10 +37,9 @@ def outlier_limit_px(errors: Float64Array, used: BoolArray, b: BundleOptions) ->
 
 
 def connected(used: BoolArray, total: IntArray) -> list[tuple[int, ...]]:
-    """Groups of cameras tied by common image points, largest group first.
+    """Groups of cameras connected by common keypoints, largest group first.
 
-    Two cameras are tied by a hundred points and a tenth of all that the one with fewer sees:
-    a stray match of strangers is no tie.
+    A spurious match of strangers does not connect two cameras.
 
     Parameters
     ----------
@@ -54,15 +49,17 @@ def connected(used: BoolArray, total: IntArray) -> list[tuple[int, ...]]:
     """
     seen = used.transpose(1, 0, 2).reshape(used.shape[1], -1).astype(np.float32)
     shared: Float64Array = seen @ seen.T
-    needed = np.maximum(_MIN_SHARED_POINTS, _MIN_SHARE * np.minimum(total[:, None], total[None]))
-    tied = shared >= needed
+    needed = np.maximum(
+        MIN_SHARED_POINTS, MIN_SHARED_FRACTION * np.minimum(total[:, None], total[None])
+    )
+    linked = shared >= needed
     left = list(range(len(shared)))
     groups: list[tuple[int, ...]] = []
     while left:
         group, frontier = [left[0]], [left[0]]
         while frontier:
             c = frontier.pop()
-            new = [d for d in left if d not in group and tied[c, d]]
+            new = [d for d in left if d not in group and linked[c, d]]
             group += new
             frontier += new
         left = [c for c in left if c not in group]

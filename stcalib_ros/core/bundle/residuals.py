@@ -13,6 +13,9 @@ from stcalib_ros.core.bundle.state import BundleState, triangulated
 from stcalib_ros.core.geometry.robust import LEAST_SHARE, MIN_SCALE_PX, RAYLEIGH_MEDIAN
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 
+_FAR = 1e3
+"""Cauchy scales. Residual of a keypoint whose point is behind its camera. Numerical."""
+
 
 class Projection:
     """Predicted keypoints, their residuals and derivatives, with Cauchy weights.
@@ -59,7 +62,7 @@ class Projection:
 
     def squared_px(self, scale: float) -> Float64Array:
         """Squared residuals (..., C, P); of points behind their camera as of far outliers."""
-        far = (1e3 * scale) ** 2 * (self.focal > 0.0)
+        far = (_FAR * scale) ** 2 * (self.focal > 0.0)
         return np.asarray(np.where(self.ahead, self.squared, far))
 
     def cost(self, scale: float) -> float:

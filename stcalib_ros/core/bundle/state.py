@@ -16,9 +16,11 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.rig import Rig
 
 _HALF_WINDOW_S = 0.2
-
+"""Seconds. Half window of the local fit that velocities are read from. Measured on the scenes
+"default" of benchmarks.accuracy.level: longer ones lose the motion of the feet."""
 
 _MIN_HALF_WINDOW = 6
+"""Time bins. Shortest such window: a polynomial of that fit needs them. Numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
