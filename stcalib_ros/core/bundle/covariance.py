@@ -26,9 +26,9 @@ from stcalib_ros.core.bundle.parameters import (
     TRANSLATION,
     Cameras,
     ParameterLayout,
-    propagate,
 )
 from stcalib_ros.core.bundle.residuals import errors_px, robust_scale
+from stcalib_ros.core.bundle.scaled_system import propagate
 from stcalib_ros.core.bundle.state import BundleState
 from stcalib_ros.core.geometry.robust import CAUCHY, MIN_SCALE_PX
 from stcalib_ros.core.geometry.so3 import hat

@@ -183,13 +183,13 @@ def _rig_of(state: BundleState, rig: Rig) -> Rig:
 def _elsewhere(one: Rig, other: Rig, tolerance_s: float) -> BoolArray:
     """Cameras (C,) that stand, look or run elsewhere in another rig of the same cameras.
 
-    By how much most of them are further away is the size that the people are taken for.
+    Compared at one scale: the solutions may take the people for larger or smaller.
     """
     turned = rotation_angle(np.swapaxes(one.R_ref_cam, -1, -2) @ other.R_ref_cam)
     reach, its_reach = (np.linalg.norm(rig.t_ref_cam, axis=-1) for rig in (one, other))
     scale = np.median(reach[1:] / np.maximum(its_reach[1:], 1e-9))
     scale = np.clip(scale, 1 / OTHER_SCALE, OTHER_SCALE)
-    apart = np.linalg.norm(one.t_ref_cam - scale * other.t_ref_cam, axis=-1)
+    distance = np.linalg.norm(one.t_ref_cam - scale * other.t_ref_cam, axis=-1)
     shifted = np.abs(one.offset_s - other.offset_s)
-    moved = apart > OTHER_POSITION + OTHER_DISTANCE * reach
+    moved = distance > OTHER_POSITION + OTHER_DISTANCE * reach
     return np.asarray((turned > OTHER_ROTATION) | moved | (shifted > tolerance_s))

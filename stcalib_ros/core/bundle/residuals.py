@@ -161,17 +161,17 @@ def median_error(errors: Float64Array, used: BoolArray) -> float:
 
 
 def robust_scale(errors: Float64Array, used: BoolArray) -> float:
-    """Standard deviation (px, per axis) of the used observations (N, C, J), from their median.
+    """Standard deviation (px, per axis) of the inliers (N, C, J), from their median.
 
     Every point takes three of the coordinates of its observations: what the residuals keep of
-    the noise is smaller by that share.
+    the noise is smaller by that fraction.
     """
     known = used & np.isfinite(errors)
     if not known.any():
         return float("nan")
-    share = 1.0 - 1.5 * float(triangulated(known).sum()) / float(known.sum())
+    fraction = 1.0 - 1.5 * float(triangulated(known).sum()) / float(known.sum())
     sigma = median_error(errors, used) / RAYLEIGH_MEDIAN
-    return sigma / float(np.sqrt(max(share, LEAST_SHARE)))
+    return sigma / float(np.sqrt(max(fraction, LEAST_SHARE)))
 
 
 def noise_px(o: Observations, state: BundleState) -> float:
