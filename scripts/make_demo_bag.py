@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.convert import ConvertOptions, convert_npz
 from stcalib_ros.io.results import write_result
 
@@ -26,7 +26,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=DEMO, metavar="FOLDER")
     args = parser.parse_args()
     recording, truth = convert_npz(args.source, ConvertOptions(clock_shifts_s=CLOCK_SHIFTS_S))
-    write_recording(recording, args.output / "balance.mcap")
+    write_bag(recording, args.output / "balance.mcap")
     write_result(truth, args.output / "balance_truth.yaml")
 
 

@@ -12,7 +12,7 @@ from stcalib_ros.cli import main
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result
 
@@ -51,7 +51,7 @@ def nobody_there() -> Recording:
 def test_no_calibration_can_be_had(
     tmp_path: Path, make: Callable[[], Recording], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_recording(make(), tmp_path / "bag.mcap")
+    write_bag(make(), tmp_path / "bag.mcap")
     output = tmp_path / "out.yaml"
     assert main(["calibrate", str(tmp_path / "bag.mcap"), "-o", str(output), "-q"]) in (2, 3)
     out, err = capsys.readouterr()
@@ -66,7 +66,7 @@ def test_no_calibration_can_be_had(
 
 
 def test_unknown_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_recording(recording(), tmp_path / "bag.mcap")
+    write_bag(recording(), tmp_path / "bag.mcap")
     output = str(tmp_path / "out.yaml")
     arguments = ["calibrate", str(tmp_path / "bag.mcap"), "-o", output, "-q"]
     assert main([*arguments, "--reference", "cam9"]) == 2
@@ -78,7 +78,7 @@ def test_the_others_are_calibrated(tmp_path: Path, capsys: pytest.CaptureFixture
     here, elsewhere = recording(), recording(seed=77, n_cameras=4)
     stranger = elsewhere.cameras[3]
     mixed = dataclasses.replace(here, cameras=(*here.cameras, stranger))
-    write_recording(mixed, tmp_path / "bag.mcap")
+    write_bag(mixed, tmp_path / "bag.mcap")
     output = tmp_path / "out.yaml"
     assert main(["calibrate", str(tmp_path / "bag.mcap"), "-o", str(output)]) == 0
     result = read_result(output)
@@ -90,7 +90,7 @@ def test_the_others_are_calibrated(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_line_times(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One is given, all are estimated; on the command line, in the text and in the result."""
     rolling = recording(n_frames=200, line_time_s=(25e-6, 0.0, 25e-6), seed=3, n_people=3)
-    write_recording(rolling, tmp_path / "bag.mcap")
+    write_bag(rolling, tmp_path / "bag.mcap")
     (tmp_path / "c.yaml").write_text("camera: {cam0: {line_time_s: 25e-6}, cam2: {frame: lens}}")
     output = tmp_path / "out.yaml"
     arguments = ["calibrate", str(tmp_path / "bag.mcap"), "-o", str(output)]
@@ -134,14 +134,14 @@ def test_line_times_that_are_none(
 def test_unusable_line_times(
     tmp_path: Path, given: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_recording(recording(n_frames=20), tmp_path / "bag.mcap")
+    write_bag(recording(n_frames=20), tmp_path / "bag.mcap")
     arguments = ["calibrate", str(tmp_path / "bag.mcap"), "-q", "-o", str(tmp_path / "out.yaml")]
     assert main([*arguments, "--line-time", given]) == 2
     assert message in capsys.readouterr().err
 
 
 def test_the_number_of_processes_does_not_change_the_result(tmp_path: Path) -> None:
-    write_recording(recording(), tmp_path / "bag.mcap")
+    write_bag(recording(), tmp_path / "bag.mcap")
     arguments = ["calibrate", str(tmp_path / "bag.mcap"), "-q", "-o"]
     for jobs in ("1", "2"):
         assert main([*arguments, str(tmp_path / f"{jobs}.yaml"), "--jobs", jobs]) == 0

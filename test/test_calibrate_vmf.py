@@ -10,7 +10,7 @@ from stcalib_ros.cli import main
 from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result
 
@@ -27,7 +27,7 @@ def test_the_method_of_the_configuration_file_calibrates(
     options = SceneOptions(n_cameras=3, n_people=3, n_frames=150, max_offset_frames=5, seed=3)
     scene = simulate(options, clips=shipped_clips())
     bag, config, output = (tmp_path / name for name in ("bag.mcap", "config.yaml", "out.yaml"))
-    write_recording(scene.recording, bag)
+    write_bag(scene.recording, bag)
     config.write_text(CONFIG)
     assert main(["calibrate", str(bag), "-o", str(output), "--config", str(config), "-q"]) == 0
     assert capsys.readouterr().err == ""

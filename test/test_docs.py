@@ -1,4 +1,4 @@
-"""README and docs: what they tell people to type works, and what they point at is there."""
+"""README and docs: the commands that they print work, and the files and names in them exist."""
 
 from __future__ import annotations
 
@@ -15,12 +15,19 @@ from stcalib_ros.cli import main
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
-DEMO = ROOT / "stcalib_ros" / "data" / "demo" / "README.md"
+LIVE = ROOT / "docs" / "live.md"
 PAGES = (
-    *(README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"),
+    *(README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", ROOT / "benchmarks" / "README.md"),
     *sorted((ROOT / "docs").glob("*.md")),
-    *(ROOT / "benchmarks" / "README.md", DEMO),
+    *sorted((ROOT / "stcalib_ros" / "data").glob("*/README.md")),
 )
+FOLDERS = (
+    *("benchmarks", "bin", "config", "docs", "examples", "launch", "msg", "requirements"),
+    *("scripts", "stcalib_ros", "test"),
+)
+"""Folders of the repository that pages name; `core/` is short for `stcalib_ros/core/`."""
+PATH = re.compile(rf"(?<![\w./<$-])(?:core|{'|'.join(FOLDERS)})/[\w./-]*")
+DOTTED = re.compile(r"(?<![\w./-])(?:stcalib_ros|benchmarks)(?:\.\w+)+")
 SOURCES = "\n".join(p.read_text() for p in sorted((ROOT / "stcalib_ros").rglob("*.py")))
 
 
@@ -34,7 +41,7 @@ def commands(page: Path) -> list[list[str]]:
 
 
 def indented_commands(page: Path) -> list[list[str]]:
-    """Of blocks that are indented instead of fenced, those that we can check."""
+    """Return the checkable commands of blocks that are indented instead of fenced."""
     text = page.read_text().replace("\\\n", " ")
     lines = re.findall(r"^    (\w.*)$", re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S), re.M)
     return [shlex.split(line, comments=True) for line in lines if line.split()[0] in CHECKS]
@@ -103,7 +110,7 @@ def check_python(words: list[str]) -> None:
 
 
 def check_elsewhere(words: list[str]) -> None:
-    """Commands of other people."""
+    """Accept commands of other packages as they are."""
 
 
 CHECKS = {
@@ -135,7 +142,7 @@ def test_commands_exist_with_their_options(page: str, words: list[str]) -> None:
 
 
 def test_the_commands_of_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In their order, one after the other, as somebody would type them."""
+    """Run them one after the other, as a new user would type them."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_text((ROOT / "config" / "calibrate.yaml").read_text())
     done = []
@@ -190,7 +197,76 @@ def test_every_topic_and_service_of_the_node_is_explained() -> None:
     names = set(re.findall(r'"(~/\w+|/diagnostics|/tf_static)"', SOURCES))
     assert len(names) >= 10
     for name in names:
-        assert f"| `{name}` |" in README.read_text()
+        assert f"| `{name}` |" in LIVE.read_text()
+
+
+def paths(page: Path) -> set[str]:
+    """Paths of the repository that a page names, without the dot or slash at their end."""
+    return {path.rstrip("./") for path in PATH.findall(page.read_text())}
+
+
+def exists(path: str) -> bool:
+    """Whether a path is a file, a folder, or an interface as ROS names it."""
+    if (interface := re.fullmatch(r"stcalib_ros/(msg|srv|action)/(\w+)", path)) is not None:
+        kind, name = interface.groups()
+        return (ROOT / kind / f"{name}.{kind}").is_file()
+    return in_checkout(path).exists()
+
+
+def in_checkout(path: str) -> Path:
+    """Where a path that a page names is in the checkout."""
+    return ROOT / "stcalib_ros" / path if path.partition("/")[0] == "core" else ROOT / path
+
+
+def is_defined(dotted: str) -> bool:
+    """Whether a dotted name is a module, a name in one, or a folder of interfaces."""
+    package, first, *rest = dotted.split(".")
+    if first in ("msg", "srv", "action"):
+        return (ROOT / first).is_dir()
+    place, left = ROOT / package, [first, *rest]
+    while left and (place / left[0]).is_dir():
+        place /= left.pop(0)
+    module = place / "__init__.py"
+    if left and (place / f"{left[0]}.py").is_file():
+        module = place / f"{left.pop(0)}.py"
+    return not left or has_name(module, left[0])
+
+
+def has_name(module: Path, name: str) -> bool:
+    """Whether a module defines or exports a name."""
+    definition = rf'^(?:def|class) {name}\b|^{name}\b|"{name}"'
+    return re.search(definition, module.read_text(), re.MULTILINE) is not None
+
+
+def test_paths_and_names_are_recognised() -> None:
+    assert exists("core/pipeline.py")
+    assert exists("stcalib_ros/msg/TimeOffset")
+    assert not exists("core/final/refine.py")
+    assert not exists("stcalib_ros/msg/Nothing")
+    assert is_defined("stcalib_ros.core.pipeline.calibrate")
+    assert is_defined("benchmarks.paper")
+    assert not is_defined("stcalib_ros.core.pipeline.nothing")
+    assert not is_defined("benchmarks.level")
+    assert len(set().union(*map(paths, PAGES))) > 50
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_every_path_on_a_page_exists(page: Path) -> None:
+    assert [path for path in sorted(paths(page)) if not exists(path)] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_every_dotted_name_on_a_page_is_defined(page: Path) -> None:
+    names = set(DOTTED.findall(page.read_text()))
+    assert [name for name in sorted(names) if not is_defined(name)] == []
+
+
+def test_every_function_that_implements_an_equation_is_where_the_page_says() -> None:
+    row = re.compile(r"^\| [^|]+ \| `([\w/]+\.py)` \| `(\w+)` \|", re.MULTILINE)
+    rows = row.findall((ROOT / "docs" / "paper.md").read_text())
+    assert len(rows) >= 15
+    for path, name in rows:
+        assert has_name(in_checkout(path), name), (path, name)
 
 
 def refusals() -> list[str]:

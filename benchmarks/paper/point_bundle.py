@@ -1,4 +1,4 @@
-"""Bundle adjustment of points that do not move: what every baseline is refined with.
+"""Bundle adjustment of static points, with which every baseline is refined.
 
 It is the adjustment of the package (`stcalib_ros.core.bundle.levenberg_marquardt`) with velocities
 of zero, so that the rows of a table differ in what they start from and in what was matched, not in
@@ -64,10 +64,10 @@ class PointBundle:
     ----------
     rig : Rig
     X : (N, J, 3) ndarray
-        In the frame of the first camera; 0 where unknown.
+        Points in the frame of the first camera; 0 where unknown.
     known : (N, J) ndarray of bool
     mean_px, rms_px : float
-        Of the reprojection errors of the points in use.
+        Reprojection errors of the inlier points, px.
     """
 
     rig: Rig
@@ -84,7 +84,7 @@ def rig_of(R_ref_cam: Float64Array, t_ref_cam: Float64Array) -> Rig:
 
 
 def triangulated(views: PointViews, rig: Rig) -> PointBundle:
-    """Points where the rays of the cameras meet; nothing is adjusted."""
+    """Triangulate the points; nothing is adjusted."""
     o = views.observations()
     return _result(o, initial_state(o, rig), rig)
 

@@ -18,9 +18,13 @@ from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.rig import Rig
 
 _MIN_INLIERS = 30
+"""Inlier matches that the first pair needs."""
 _MIN_PNP_INLIERS = 15
+"""Inlier points that a further camera needs."""
 _MIN_ANGLE_RAD = np.deg2rad(5.0)
+"""Smallest median triangulation angle of the first pair, rad."""
 _RANSAC_PX = 4.0
+"""Reprojection error up to which a match is an inlier, px."""
 
 
 class SfmFailure(RuntimeError):
@@ -40,7 +44,7 @@ def incremental_sfm(views: PointViews, *, max_px: float = 4.0) -> PointBundle:
     Returns
     -------
     PointBundle
-        In the frame of camera 0; unit: the distance of the first two cameras.
+        Cameras and points in the frame of camera 0; unit: the distance of the first two cameras.
 
     Raises
     ------
@@ -70,7 +74,7 @@ def incremental_sfm(views: PointViews, *, max_px: float = 4.0) -> PointBundle:
 
 
 def _first_pair(views: PointViews) -> tuple[tuple[int, int], Float64Array, Float64Array]:
-    """The pair with most inliers among those whose rays meet at five degrees or more."""
+    """Return the pair with most inliers among those with a large enough triangulation angle."""
     best: tuple[int, tuple[int, int], Float64Array, Float64Array] | None = None
     for a, b in combinations(range(views.seen.shape[1]), 2):
         found = essential(views, a, b)

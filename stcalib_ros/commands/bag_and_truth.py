@@ -7,7 +7,7 @@ from pathlib import Path
 
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.io.bag_writer import require_bag_writable, write_recording
+from stcalib_ros.io.bag_writer import require_bag_writable, write_bag
 from stcalib_ros.io.files import require_writable
 from stcalib_ros.io.results import write_result
 
@@ -40,7 +40,7 @@ def require_outputs(args: argparse.Namespace) -> None:
 
 def write_outputs(args: argparse.Namespace, recording: Recording, truth: Calibration) -> None:
     """Write both, and say so."""
-    write_recording(recording, args.output)
+    write_bag(recording, args.output)
     images = sum(len(camera.stamps) for camera in recording.cameras)
     print(f"Written to {args.output}: {len(recording.cameras)} cameras, {images} images")
     if args.truth is not None:

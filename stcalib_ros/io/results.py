@@ -40,10 +40,21 @@ _FRAMES = {True: "frame_id, z up, floor at 0", False: "that of the reference cam
 def write_result(calibration: Calibration, path: Path | str) -> None:
     """Write a calibration, whole or not at all.
 
+    Parameters
+    ----------
+    calibration : Calibration
+    path : Path or str
+        An existing file is replaced.
+
     Raises
     ------
     InputError
         The file cannot be written.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> st.write_result(st.simulate().truth, "truth.yaml")
     """
     write_text(Path(path), result_text(calibration))
 
@@ -68,10 +79,21 @@ def read_result(path: Path | str) -> Calibration:
     Of a camera, ``rotation``, ``translation``, ``time_offset_s`` and ``intrinsics`` must be there;
     what else is missing is NaN, empty or none, and ``window_s`` is ``epoch_s``.
 
+    Parameters
+    ----------
+    path : Path or str
+
     Raises
     ------
     InputError
         The file cannot be read or an entry is missing or unusable; the message names it.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> st.write_result(st.simulate().truth, "truth.yaml")
+    >>> st.read_result("truth.yaml").reference
+    'cam0'
     """
     top = _Entry(read_yaml(Path(path)), str(path), ": ")
     version = top.get("format").value

@@ -26,8 +26,9 @@ from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.keypoint_layouts import layout_from_names
 from stcalib_ros.core.model.recording import Track
+from stcalib_ros.core.options import BundleOptions, Options
 from stcalib_ros.core.pipeline import calibrate, run_stages
-from stcalib_ros.core.synthetic import simulate
+from stcalib_ros.core.synthetic import SceneOptions, simulate
 
 NAMES = ["cam0", "cam1", "cam2"]
 
@@ -233,6 +234,16 @@ STAGES = [
     "bundle adjustment",
     "quality",
 ]
+
+
+def test_one_round_ends_with_all_joints_and_without_outliers():
+    scene = simulate(SceneOptions(seed=1000))
+    stages = run_stages(scene.recording, Options(bundle=BundleOptions(rounds=1)))
+    last = stages.rounds[-1]
+    assert stages.calibration.status is Status.OK
+    assert last.observations.x.shape[2] == stages.skeleton.layout.n_joints
+    assert len(last.observations.person) * last.observations.x.shape[2] > 5000
+    assert evaluate(stages.calibration, scene.truth).E_R < 0.002
 
 
 @pytest.fixture(scope="module")

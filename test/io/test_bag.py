@@ -10,6 +10,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 import yaml
+from bag_helpers import POSES, schema_text
 from hypothesis import HealthCheck, given, settings
 from mcap.reader import make_reader
 from mcap.records import Schema
@@ -20,8 +21,7 @@ from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.model.keypoint_layouts import layout_from_names
 from stcalib_ros.core.model.recording import Recording, Track
 from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.bag_writer import write_recording
-from stcalib_ros.io.schemas import POSES, schema_text
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.topics import CameraSelection, CameraTopics
 
 
@@ -29,7 +29,7 @@ from stcalib_ros.io.topics import CameraSelection, CameraTopics
 @pytest.mark.parametrize("rectified", [False, True])
 def test_what_is_written_is_read(tmp_path: Path, name: str, rectified: bool) -> None:
     recording = bags.small_recording(rectified=rectified)
-    write_recording(recording, tmp_path / name)
+    write_bag(recording, tmp_path / name)
     bags.assert_same(recording, read_bag(tmp_path / name))
     assert [p.name for p in tmp_path.iterdir()] == [name]
 
@@ -40,7 +40,7 @@ def test_custom_layout_and_images_without_people(tmp_path: Path) -> None:
     layout = layout_from_names([f"j{i}" for i in range(17)], name="ours")
     camera = dataclasses.replace(camera, layout=layout, tracks=camera.tracks[1:])
     recording = Recording((camera,), recording.epoch_ns)
-    write_recording(recording, tmp_path / "bag.mcap")
+    write_bag(recording, tmp_path / "bag.mcap")
     bags.assert_same(recording, read_bag(tmp_path / "bag.mcap"))
 
 
@@ -72,7 +72,7 @@ def test_round_trip_of_any_numbers(tmp_path: Path, stamps: list[int], data: st.D
         tracks=(track,),
     )
     recording = Recording((camera,), epoch_ns)
-    write_recording(recording, tmp_path / "bag.mcap")
+    write_bag(recording, tmp_path / "bag.mcap")
     bags.assert_same(recording, read_bag(tmp_path / "bag.mcap"))
 
 
@@ -89,7 +89,7 @@ def test_compressed_chunks(tmp_path: Path, compression: CompressionType, chunk_s
 @pytest.mark.parametrize("chunked", [False, True])
 def test_bag_without_index(tmp_path: Path, chunked: bool) -> None:
     recording = bags.small_recording()
-    write_recording(recording, tmp_path / "a.mcap")
+    write_bag(recording, tmp_path / "a.mcap")
     with (tmp_path / "a.mcap").open("rb") as source, (tmp_path / "b.mcap").open("wb") as target:
         _copy_without_index(source, target, chunked)
     bags.assert_same(recording, read_bag(tmp_path / "b.mcap"))
@@ -148,7 +148,7 @@ def test_folder_of_several_files(tmp_path: Path, with_metadata: bool) -> None:
 
 
 def test_metadata_is_in_the_form_of_rosbag2(tmp_path: Path) -> None:
-    write_recording(bags.small_recording(), tmp_path / "walk")
+    write_bag(bags.small_recording(), tmp_path / "walk")
     content = yaml.safe_load((tmp_path / "walk" / "metadata.yaml").read_text())
     info = content["rosbag2_bagfile_information"]
     assert info["relative_file_paths"] == ["walk_0.mcap"]
@@ -163,7 +163,7 @@ def test_metadata_is_in_the_form_of_rosbag2(tmp_path: Path) -> None:
 
 
 def test_written_bag_is_a_ros2_bag(tmp_path: Path) -> None:
-    write_recording(bags.small_recording(1), tmp_path / "a.mcap")
+    write_bag(bags.small_recording(1), tmp_path / "a.mcap")
     with (tmp_path / "a.mcap").open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()], validate_crcs=True)
         assert reader.get_header().profile == "ros2"
@@ -181,7 +181,7 @@ def test_written_bag_is_a_ros2_bag(tmp_path: Path) -> None:
 
 
 def test_camera_info_is_repeated_every_second(tmp_path: Path) -> None:
-    write_recording(bags.small_recording(1, n_frames=100), tmp_path / "walk")
+    write_bag(bags.small_recording(1, n_frames=100), tmp_path / "walk")
     text = (tmp_path / "walk" / "metadata.yaml").read_text()
     topics = yaml.safe_load(text)["rosbag2_bagfile_information"]["topics_with_message_count"]
     assert topics[0]["topic_metadata"]["name"] == "/cam0/camera_info"
@@ -326,6 +326,6 @@ def test_nothing_is_left_of_an_interrupted_write(
     monkeypatch.setattr(Writer, "finish", interrupt)
     for name in ("bag.mcap", "bag"):
         with pytest.raises(KeyboardInterrupt):
-            write_recording(bags.small_recording(), tmp_path / name)
+            write_bag(bags.small_recording(), tmp_path / name)
     assert [p.name for p in tmp_path.iterdir()] == ["bag.mcap"]
     assert (tmp_path / "bag.mcap").read_text() == "old"

@@ -10,7 +10,7 @@ import bag_helpers as bags
 import pytest
 
 from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 
 serialization = pytest.importorskip("rclpy.serialization")
 pytest.importorskip("stcalib_ros.msg", reason="the messages are not built")
@@ -25,14 +25,14 @@ def decode(type_name: str, data: bytes) -> Any:
 @pytest.mark.parametrize("rectified", [False, True])
 def test_rclpy_reads_what_we_write(tmp_path: Path, rectified: bool) -> None:
     recording = bags.small_recording(rectified=rectified)
-    write_recording(recording, tmp_path / "a.mcap")
+    write_bag(recording, tmp_path / "a.mcap")
     bags.assert_same(recording, read_bag(tmp_path / "a.mcap", decoder=decode))
     bags.assert_same(recording, read_bag(tmp_path / "a.mcap"))
 
 
 def test_messages_are_as_long_as_those_of_rclpy(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    write_recording(bags.small_recording(), path)
+    write_bag(bags.small_recording(), path)
     checked = set()
 
     def compare(type_name: str, data: bytes) -> Any:

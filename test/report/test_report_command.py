@@ -11,7 +11,7 @@ import pytest
 from stcalib_ros.cli import main
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.synthetic import Scene
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 
 
 def calibrate(bag: Path, *more: str) -> int:
@@ -21,7 +21,7 @@ def calibrate(bag: Path, *more: str) -> int:
 
 
 def write(recording: Recording, folder: Path) -> Path:
-    write_recording(recording, folder / "bag.mcap")
+    write_bag(recording, folder / "bag.mcap")
     return folder / "bag.mcap"
 
 

@@ -29,7 +29,7 @@ from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result
 from stcalib_ros.ros.parameters import CAMERAS as CAMERAS_SPEC
@@ -43,7 +43,7 @@ PARAMETERS = {"cameras": f"[{', '.join(CAMERAS)}]", "queue_depth": "1000"}
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("bag") / "walk.mcap"
     options = SceneOptions(n_cameras=4, n_people=2, n_frames=300, seed=1)
-    write_recording(simulate(options, clips=shipped_clips()).recording, path)
+    write_bag(simulate(options, clips=shipped_clips()).recording, path)
     return path
 
 

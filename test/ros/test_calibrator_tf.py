@@ -23,7 +23,7 @@ from std_srvs.srv import Trigger
 
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.history import History
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result
@@ -107,7 +107,7 @@ def test_all_cameras_are_in_one_message_and_a_rollback_replaces_it(setup_file, t
 def test_replay_publishes_there_too(setup_file, tmp_path):
     bag, output = tmp_path / "walk.mcap", tmp_path / "walk.yaml"
     scene = SceneOptions(n_cameras=2, n_people=2, n_frames=150, seed=1)
-    write_recording(simulate(scene, clips=shipped_clips()).recording, bag)
+    write_bag(simulate(scene, clips=shipped_clips()).recording, bag)
     live = LiveNode(
         tmp_path,
         {"tf_suffix": "_found"},

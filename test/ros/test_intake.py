@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.cdr import CdrWriter
 from stcalib_ros.io.mcap_source import RawMessage, raw_messages
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.intake import Intake
+from stcalib_ros.ros.limits import MAX_TEXT
 from stcalib_ros.ros.load import Meter
-from stcalib_ros.ros.streams import MAX_TEXT, Limits
+from stcalib_ros.ros.streams import Limits
 
 CAMERA = SelectedCamera("cam0", "/cam0/person_poses", "/cam0/camera_info", None)
 
@@ -24,7 +25,7 @@ CAMERA = SelectedCamera("cam0", "/cam0/person_poses", "/cam0/camera_info", None)
 def messages(tmp_path_factory: pytest.TempPathFactory) -> list[RawMessage]:
     path = tmp_path_factory.mktemp("bag") / "walk.mcap"
     options = SceneOptions(n_cameras=2, n_people=2, n_frames=40, seed=1)
-    write_recording(simulate(options).recording, path)
+    write_bag(simulate(options).recording, path)
     return list(raw_messages([path], frozenset({CAMERA.pose_topic, CAMERA.info_topic})))
 
 

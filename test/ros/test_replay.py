@@ -18,7 +18,7 @@ pytest.importorskip("stcalib_ros.msg", reason="the messages are not built: make 
 
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.ros.convert import decode
 
@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[2]
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("bag") / "walk.mcap"
     options = SceneOptions(n_cameras=3, n_people=2, n_frames=200, seed=1)
-    write_recording(simulate(options, clips=shipped_clips()).recording, path)
+    write_bag(simulate(options, clips=shipped_clips()).recording, path)
     return path
 
 

@@ -28,7 +28,7 @@ from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mcap_source import RawMessage
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result
@@ -41,7 +41,7 @@ NAMES = ("cam0", "cam1", "cam2")
 
 def simulated(path: Path, n_frames: int) -> Path:
     options = SceneOptions(n_cameras=3, n_people=2, n_frames=n_frames, seed=1)
-    write_recording(simulate(options, clips=shipped_clips()).recording, path)
+    write_bag(simulate(options, clips=shipped_clips()).recording, path)
     return path
 
 
@@ -217,7 +217,7 @@ def test_when_the_bag_begins_again_the_node_forgets_and_calibrates_again(
         player.kill()
     log = calibrator.log.read_text()
     for name in NAMES:
-        assert re.search(f"/{name}/person_poses: time jumps back from .* is forgotten", log)
+        assert re.search(f"/{name}/person_poses: time jumps back from .* is discarded", log)
     assert "the bag begins again: time jumps back" in player.log.read_text()
     assert calibrator.stop()[0] == 0
     assert "Traceback" not in log + player.log.read_text()
@@ -227,7 +227,7 @@ def test_a_topic_that_nobody_listens_to_is_named_and_played(folder, bag):
     lonely = played(folder, bag, "--play", "1000", "--wait", "0", name="lonely")
     assert lonely.process.wait(timeout=60) == 0
     said = lonely.log.read_text()
-    assert "nobody listens to /cam0/person_poses, /cam0/camera_info" in said
+    assert "playing without subscribers of /cam0/person_poses, /cam0/camera_info" in said
     assert f"played {3 * N_FRAMES + 3 * 7} messages" in said
 
 

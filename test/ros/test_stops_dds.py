@@ -19,7 +19,7 @@ from stcalib_ros.msg import PersonPose3DArray
 from std_msgs.msg import String
 
 from stcalib_ros.core.synthetic import SceneOptions, simulate
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mocap import shipped_clips
 
 STAGES = [
@@ -102,7 +102,7 @@ def ready_nodes(folder: Path) -> Iterator[tuple[list[LiveNode], Client]]:
     """As many nodes as there are stages, each with all that it needs to calibrate."""
     options = SceneOptions(n_cameras=3, n_people=2, n_frames=150, seed=1)
     bag = folder / "three.mcap"
-    write_recording(simulate(options, clips=shipped_clips()).recording, bag)
+    write_bag(simulate(options, clips=shipped_clips()).recording, bag)
     lives = []
     for k in range(len(STAGES)):
         given = {

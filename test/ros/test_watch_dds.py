@@ -20,7 +20,7 @@ from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import excerpt
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import CameraChange, SceneOptions, simulate
-from stcalib_ros.io.bag_writer import write_recording
+from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.history import History
 from stcalib_ros.io.mocap import shipped_clips
 
@@ -59,7 +59,7 @@ def before(tmp_path_factory: pytest.TempPathFactory) -> tuple[Calibration, Path]
     calibration = calibrate(excerpt(scene.recording, 0.0, CALIBRATED_S))
     assert calibration.status is Status.OK, calibration.message
     bag = tmp_path_factory.mktemp("bag") / "turned.mcap"
-    write_recording(excerpt(scene.recording, CALIBRATED_S, END_S), bag)
+    write_bag(excerpt(scene.recording, CALIBRATED_S, END_S), bag)
     return calibration, bag
 
 
@@ -112,7 +112,7 @@ def test_it_calibrates_again_from_what_came_after(played, before):
     live, client, _, folder = played
     client.wait(lambda: client.status("solver").get("last_status") == "OK", "a run")
     text = live.log.read_text()
-    assert "in force, since the one before does not hold any more: cam1 has moved" in text
+    assert "in force, since the one in force is wrong: cam1 has moved" in text
     old, kept = before[0], History(folder / "results", keep=10).latest()
     assert kept is not None
     new = kept.calibration

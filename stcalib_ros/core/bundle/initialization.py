@@ -1,14 +1,14 @@
-"""Where the adjustment starts: the rig that fits best, and another one if that fits as well."""
+"""Initialization of the adjustment: the candidate rig that fits best, and any rival of it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.integration.exclusions import Exclusions
-from stcalib_ros.core.model.calibration import UncalibratedCamera
 from stcalib_ros.core.model.rejection import Insufficient
 from stcalib_ros.core.model.rig import Rig
 
@@ -21,71 +21,94 @@ _OTHER_OFFSET_FRAMES = 3.0
 _SAME_OFFSET_FRAMES = 0.5
 _FIT_SCALE_PX = 12.0
 
-_Start = tuple[Iteration, tuple[UncalibratedCamera, ...]]
-"""A first round, and the cameras that fell off on the way to it."""
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """An initial adjustment.
+
+    Attributes
+    ----------
+    iteration : Iteration
+    exclusions : Exclusions
+        Cameras left out so far, those included that the adjustment disconnected.
+    """
+
+    iteration: Iteration
+    exclusions: Exclusions
+
+
+Adjust = Callable[[Rig, Exclusions], Start]
+"""Makes the initial adjustment at a rig, without the cameras that are left out."""
 
 
 def select_initial_rig(
     rigs: Sequence[Rig],
-    adjust: Callable[[Rig], Iteration],
-    left_out: Exclusions,
+    adjust: Adjust,
+    exclusions: Exclusions,
     tick: Callable[[str, float], None],
-) -> tuple[Iteration, Iteration | None]:
-    """First adjustment of candidate rigs: the best fit, and a rival that fits as well.
+) -> tuple[Start, Iteration | None]:
+    """Adjust candidate rigs initially; keep the best fit, and a rival that fits as well.
 
     Parameters
     ----------
     rigs : sequence of Rig
-        The best supported first.
+        Candidates, the best supported first.
     adjust : callable
-        Makes the first round at a rig; adds the cameras that fall off to `left_out`.
-    left_out : Exclusions
-        Cameras that were left out before; afterwards with those that fell off the best.
+        Makes the initial adjustment at a rig.
+    exclusions : Exclusions
+        Cameras left out before.
     tick : callable
         Called with the name of the stage and the fraction of it that is done.
+
+    Returns
+    -------
+    Start
+        The best.
+    Iteration or None
+        Another solution that fits about as well, if there is one.
 
     Raises
     ------
     Insufficient
-        No rig holds together.
+        No rig stays connected.
     """
-    starts = _first_rounds(rigs, adjust, left_out, tick)
+    starts = _initial_adjustments(rigs, adjust, exclusions, tick)
     fits = _fits(starts)
     best = max(fits)
     close = [s for s, fit in zip(starts, fits, strict=True) if fit >= best - _CLOSE * abs(best)]
     close = _distinct(close)
     if len(close) > 1:
-        close = [_repeated(start, adjust, left_out) for start in close]
+        close = [_repeated(start, adjust) for start in close]
     fits = _fits(close)
     first, *others = np.argsort([-fit for fit in fits], kind="stable").tolist()
-    start, left_out.cameras = close[first]
+    start = close[first]
+    step_s = start.iteration.observations.step_s
     for k in others:
-        n_other = start.differing(close[k][0], _OTHER_OFFSET_FRAMES * start.observations.step_s)
-        stake = abs(fits[first]) * n_other / len(start.rig.cameras)
+        rival = close[k].iteration
+        n_other = start.iteration.differing(rival, _OTHER_OFFSET_FRAMES * step_s)
+        stake = abs(fits[first]) * n_other / len(start.iteration.rig.cameras)
         if n_other and fits[first] - fits[k] < _DECISIVE * stake:
-            return start, close[k][0]
+            return start, rival
     return start, None
 
 
-def _first_rounds(
+def _initial_adjustments(
     rigs: Sequence[Rig],
-    adjust: Callable[[Rig], Iteration],
-    left_out: Exclusions,
+    adjust: Adjust,
+    exclusions: Exclusions,
     tick: Callable[[str, float], None],
-) -> list[_Start]:
-    """First rounds of the best supported rigs: of three, of all while none explains enough."""
-    before = left_out.cameras
-    starts: list[_Start] = []
+) -> list[Start]:
+    """Adjust the best supported rigs: three, or all while none explains enough."""
+    starts: list[Start] = []
     why: Insufficient | None = None
     for k, rig in enumerate(rigs):
-        complete = any(start.share > _COMPLETE for start, _ in starts)
+        complete = any(start.iteration.share > _COMPLETE for start in starts)
         supported = rig.support >= _RIVAL_SUPPORT * rigs[0].support
         if starts and not (supported and (k < _FEW_RIGS or not complete)):
             break
         tick("first adjustment", k / len(rigs))
-        left_out.cameras = before
         try:
-            starts.append((adjust(rig), left_out.cameras))
+            starts.append(adjust(rig, exclusions))
         except Insufficient as reason:
             why = why or reason
     if why is not None and not starts:
@@ -93,32 +116,31 @@ def _first_rounds(
     return starts
 
 
-def _distinct(starts: Sequence[_Start]) -> list[_Start]:
-    """Those that did not come to where one that fits better came to."""
+def _distinct(starts: Sequence[Start]) -> list[Start]:
+    """Drop starts that came to the same place as one that fits better."""
     fits = _fits(starts)
-    kept: list[_Start] = []
+    kept: list[Start] = []
     for k in np.argsort([-fit for fit in fits], kind="stable").tolist():
-        if not any(_alike(starts[k][0], other) for other, _ in kept):
+        if not any(_same_solution(starts[k].iteration, other.iteration) for other in kept):
             kept.append(starts[k])
     return kept
 
 
-def _alike(one: Iteration, other: Iteration) -> bool:
-    """Whether two rounds of the same cameras have them in the same places, to half a frame."""
+def _same_solution(one: Iteration, other: Iteration) -> bool:
+    """Whether two adjustments have the same cameras in the same places, to half a frame."""
     same = np.array_equal(one.rig.cameras, other.rig.cameras)
     return same and not one.differing(other, _SAME_OFFSET_FRAMES * one.observations.step_s)
 
 
-def _repeated(start: _Start, adjust: Callable[[Rig], Iteration], left_out: Exclusions) -> _Start:
-    """The same once more from where it came to: persons are found better by then."""
-    left_out.cameras = start[1]
+def _repeated(start: Start, adjust: Adjust) -> Start:
+    """Adjust once more from where a start came to: people are associated better by then."""
     try:
-        return adjust(start[0].rig), left_out.cameras
+        return adjust(start.iteration.rig, start.exclusions)
     except Insufficient:
         return start
 
 
-def _fits(starts: Sequence[_Start]) -> list[float]:
-    """How well each fits, all by the same measure."""
-    scale_px = max(_FIT_SCALE_PX, 2.0 * min(start.median_px for start, _ in starts))
-    return [start.fit(scale_px) for start, _ in starts]
+def _fits(starts: Sequence[Start]) -> list[float]:
+    """How well each start fits, all by the same measure."""
+    scale_px = max(_FIT_SCALE_PX, 2.0 * min(start.iteration.median_px for start in starts))
+    return [start.iteration.fit(scale_px) for start in starts]

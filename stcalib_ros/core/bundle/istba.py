@@ -107,10 +107,12 @@ def run_istba(
         as cameras are no longer connected.
     """
     done = [first]
-    for n in range(1, o.rounds):
-        tick(n / o.rounds, done[-1])
+    # The initial adjustment has a part of the joints only: one iteration follows in any case.
+    n_iterations = max(o.rounds, 2)
+    for n in range(1, n_iterations):
+        tick(n / n_iterations, done[-1])
         converged = n >= MIN_ITERATIONS and _converged(done[-2], done[-1], step_s)
-        last = converged or n == o.rounds - 1
+        last = converged or n == n_iterations - 1
         result = istba_iteration(cameras, done[-1], o, step_s=step_s, last=last)
         if isinstance(result, Disconnected):
             return result

@@ -11,6 +11,7 @@ from stcalib_ros.core.bundle.limits import MIN_SHARED_FRACTION, MIN_SHARED_POINT
 from stcalib_ros.core.bundle.observations import Observations
 from stcalib_ros.core.bundle.residuals import errors_px, median_error
 from stcalib_ros.core.bundle.state import BundleState
+from stcalib_ros.core.geometry.graphs import components
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.options import BundleOptions
@@ -52,16 +53,4 @@ def connected(used: BoolArray, total: IntArray) -> list[tuple[int, ...]]:
     needed = np.maximum(
         MIN_SHARED_POINTS, MIN_SHARED_FRACTION * np.minimum(total[:, None], total[None])
     )
-    linked = shared >= needed
-    left = list(range(len(shared)))
-    groups: list[tuple[int, ...]] = []
-    while left:
-        group, frontier = [left[0]], [left[0]]
-        while frontier:
-            c = frontier.pop()
-            new = [d for d in left if d not in group and linked[c, d]]
-            group += new
-            frontier += new
-        left = [c for c in left if c not in group]
-        groups.append(tuple(sorted(group)))
-    return sorted(groups, key=lambda g: (-len(g), g))
+    return components(shared >= needed)

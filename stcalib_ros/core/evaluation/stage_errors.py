@@ -16,6 +16,7 @@ from stcalib_ros.core.evaluation.metrics import (
     match_quality,
     triangulation_errors,
 )
+from stcalib_ros.core.geometry.alignment import unit
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.integration.association import Association
@@ -76,7 +77,7 @@ class Errors:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Points:
+class _ViewPoints:
     """Images of the same joints in C views: x (M, C, 2), focal and seen (M, C)."""
 
     x: Float64Array
@@ -206,7 +207,7 @@ def _pair_errors(
     lag_s = true_a.time_offset_s - true_b.time_offset_s
     return Errors(
         E_R=float(rotation_angle(R.T @ h.R_a_b)),
-        E_t=float(np.linalg.norm(_unit(h.t_a_b) - _unit(t))),
+        E_t=float(np.linalg.norm(unit(h.t_a_b) - unit(t))),
         E_2D=_mean(errors),
         E_2D_rms=float(np.sqrt(_mean(errors**2))),
         E_delta=abs(h.lag_s - lag_s) * fps,
@@ -218,7 +219,7 @@ def _pair_errors(
 
 def _pair_points(
     cam_a: LiftedCamera, cam_b: LiftedCamera, units: Sequence[_Unit], lag_s: float
-) -> _Points:
+) -> _ViewPoints:
     parts = []
     for p, q, times in units:
         x_a, focal_a = _read(cam_a, p, times)
@@ -227,9 +228,9 @@ def _pair_points(
         both = np.isfinite(x).all((-1, -2))
         parts.append((x[both], focal[both]))
     if not parts:
-        return _Points(np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2), dtype=bool))
+        return _ViewPoints(np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2), dtype=bool))
     x, focal = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return _Points(x, focal, np.ones(focal.shape, dtype=bool))
+    return _ViewPoints(x, focal, np.ones(focal.shape, dtype=bool))
 
 
 def _read(camera: LiftedCamera, p: int, times: Float64Array) -> tuple[Float64Array, Float64Array]:
@@ -267,7 +268,7 @@ def _rig_errors(
     cameras: Sequence[LiftedCamera],
     rig: Rig,
     association: Association,
-    points: _Points,
+    points: _ViewPoints,
     errors: Float64Array,
     truth: Calibration,
     fps: float,
@@ -296,7 +297,7 @@ def _rig_errors(
     )
 
 
-def _rig_points(cameras: Sequence[LiftedCamera], rig: Rig, association: Association) -> _Points:
+def _rig_points(cameras: Sequence[LiftedCamera], rig: Rig, association: Association) -> _ViewPoints:
     """Associated joints, read off at common times by the offsets of the rig."""
     members = [cameras[c] for c in rig.cameras]
     step = common_step(members)
@@ -314,7 +315,9 @@ def _rig_points(cameras: Sequence[LiftedCamera], rig: Rig, association: Associat
             x[person[k], k, :, i], focal[person[k], k, :, i] = x_p[k], focal_p[k]
     seen: BoolArray = np.asarray(np.isfinite(x).all(-1))
     matched = seen.sum(-1) >= 2
-    return _Points(np.nan_to_num(x[matched]), np.nan_to_num(focal[matched], nan=1.0), seen[matched])
+    return _ViewPoints(
+        np.nan_to_num(x[matched]), np.nan_to_num(focal[matched], nan=1.0), seen[matched]
+    )
 
 
 def _calibration(
@@ -370,10 +373,6 @@ def _persons_of(truth: Calibration) -> Mapping[tuple[str, int], set[int]]:
             for track in tracks:
                 persons.setdefault((name, track), set()).add(person.person_id)
     return persons
-
-
-def _unit(v: Float64Array) -> Float64Array:
-    return np.asarray(v / max(float(np.linalg.norm(v)), 1e-12))
 
 
 def _mean(values: Float64Array) -> float:

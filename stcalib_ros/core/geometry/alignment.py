@@ -7,6 +7,11 @@ import numpy as np
 from stcalib_ros.core.model.arrays import Float64Array
 
 
+def unit(v: Float64Array) -> Float64Array:
+    """Return the direction (3,) of a vector (3,); zero for a zero vector."""
+    return np.asarray(v / max(float(np.sqrt(v @ v)), 1e-12))
+
+
 def best_rotation(S: Float64Array) -> Float64Array:
     """Rotations that maximise ``tr(R.T @ S)``: orthogonal Procrustes (Kabsch).
 

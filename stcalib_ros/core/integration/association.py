@@ -19,7 +19,7 @@ from stcalib_ros.core.geometry.epipolar import sampson
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
-from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.lifted import LiftedCamera, time_span
 from stcalib_ros.core.model.rig import Rig
 
 SLOT_SAMPLES = 50
@@ -92,8 +92,8 @@ def associate(
     """
     members = [cameras[c] for c in rig.cameras]
     slot_s = SLOT_SAMPLES * step_s
-    start, end = _span(members, rig)
-    n_slots = max(1, int(np.ceil((end - start) / slot_s)))
+    start, end = time_span(members, rig.offset_s)
+    n_slots = max(1, int(np.ceil((end + 1e-6 - start) / slot_s)))
     fractions = (np.arange(_SAMPLES_PER_SLOT) + 0.5) / _SAMPLES_PER_SLOT
     slots = np.arange(0, n_slots, every)
     times = start + slot_s * (slots[:, None] + fractions)
@@ -114,12 +114,6 @@ def _in_slots(known: IntArray, slots: IntArray, n_slots: int) -> IntArray:
     person_of: IntArray = np.full((len(known), n_slots), -1, dtype=np.int64)
     person_of[:, slots] = known
     return person_of
-
-
-def _span(members: Sequence[LiftedCamera], rig: Rig) -> tuple[float, float]:
-    starts = [c.stamps[0] + o for c, o in zip(members, rig.offset_s, strict=True)]
-    ends = [c.stamps[-1] + o for c, o in zip(members, rig.offset_s, strict=True)]
-    return float(min(starts)), float(max(ends)) + 1e-6
 
 
 def _sample(camera: LiftedCamera, rig: Rig, i: int, times: Float64Array) -> _Samples:

@@ -1,9 +1,9 @@
-"""Cameras that cannot be tied to the others, with the reasons."""
+"""Cameras that could not be connected to the others, with the reasons."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from stcalib_ros.core.geometry.graphs import connected_groups
 from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
@@ -12,97 +12,117 @@ from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig, sub_rig
 
 
+@dataclass(frozen=True, slots=True)
 class Exclusions:
-    """Cameras that were left out on the way.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of all cameras.
-    offset_range_s : float
-        For what is said where nothing is left.
+    """Cameras left out so far. A value: every change makes a new one.
 
     Attributes
     ----------
+    names : tuple of str
+        Names of all cameras of the recording.
+    offset_range_s : float
+        Range of the clock offsets, for what is said where nothing is left.
     cameras : tuple of UncalibratedCamera
-        So far; may be set back to what it was before.
     """
 
-    def __init__(self, names: Sequence[str], *, offset_range_s: float) -> None:
-        self._names, self._offset_range_s = tuple(names), offset_range_s
-        self.cameras: tuple[UncalibratedCamera, ...] = ()
+    names: tuple[str, ...]
+    offset_range_s: float
+    cameras: tuple[UncalibratedCamera, ...] = ()
 
-    def add(self, cameras: Sequence[int], reason: str) -> None:
-        """Leave some out."""
-        self.cameras += tuple(UncalibratedCamera(self._names[c], reason) for c in cameras)
+    def adding(self, cameras: Sequence[int], reason: str) -> Exclusions:
+        """Leave out some more."""
+        more = tuple(UncalibratedCamera(self.names[c], reason) for c in cameras)
+        return replace(self, cameras=self.cameras + more)
 
-    def reinstate(self, cameras: Sequence[int]) -> None:
-        """Some are to be tried again."""
-        back = [self._names[c] for c in cameras]
-        self.cameras = tuple(one for one in self.cameras if one.name not in back)
+    def reinstating(self, cameras: Sequence[int]) -> Exclusions:
+        """Take some back, to be tried again."""
+        back = [self.names[c] for c in cameras]
+        return replace(self, cameras=tuple(one for one in self.cameras if one.name not in back))
 
-    def largest_group(
-        self, cameras: Sequence[int], hypotheses: Sequence[RelativePose]
-    ) -> list[int]:
-        """The cameras that hang together: the reference's group if it has two, else the largest.
-
-        Raises
-        ------
-        Insufficient
-            No two do.
-        """
-        position = {c: i for i, c in enumerate(cameras)}
-        groups = connected_groups(cameras, hypotheses)
-        kept = next((g for g in groups if cameras[0] in g and len(g) > 1), groups[0])
-        self._add_groups([g for g in groups if g is not kept], kept, "shares nobody's motion with")
-        if len(kept) < 2:
-            raise Insufficient(
-                Status.INSUFFICIENT_DATA,
-                "no two cameras see the same person move: check that their views overlap, that "
-                f"their clocks agree within {self._offset_range_s:g} s (offset_range_s), "
-                "and record longer",
-                self.cameras,
-            )
-        return sorted(kept, key=lambda c: position[c])
-
-    def largest_part(self, rig: Rig, apart: Disconnected) -> Rig:
-        """The part of a rig that holds together; the reference's if it has two cameras.
-
-        Raises
-        ------
-        Insufficient
-            No two cameras hold together.
-        """
-        groups = apart.groups
-        kept = next((g for g in groups if 0 in g and len(g) > 1), groups[0])
-        self._add_groups(
-            [rig.cameras[list(g)].tolist() for g in groups if g is not kept],
-            rig.cameras[list(kept)].tolist(),
-            "hardly anything that it sees matches what is seen by",
-        )
-        if len(kept) < 2:
-            raise Insufficient(
-                Status.INSUFFICIENT_DATA,
-                "people could not be matched across views: too few of their image points fit any "
-                "two cameras; check the intrinsics, let views overlap more, and record longer",
-                self.cameras,
-            )
-        return sub_rig(rig, kept)
-
-    def _add_groups(
+    def _adding_groups(
         self, groups: Sequence[Sequence[int]], kept: Sequence[int], lacking: str
-    ) -> None:
-        names = ", ".join(self._names[c] for c in kept)
+    ) -> Exclusions:
+        names = ", ".join(self.names[c] for c in kept)
+        grown = self
         for group in groups:
             for c in group:
                 reason = f"{lacking} {names}"
-                if others := [self._names[d] for d in group if d != c]:
+                if others := [self.names[d] for d in group if d != c]:
                     reason += f"; it forms a separate group with {', '.join(others)}"
-                self.add([c], reason)
+                grown = grown.adding([c], reason)
+        return grown
+
+
+def largest_group(
+    exclusions: Exclusions, cameras: Sequence[int], hypotheses: Sequence[RelativePose]
+) -> tuple[list[int], Exclusions]:
+    """Keep the cameras that are connected: the reference's group if it has two, else the largest.
+
+    Parameters
+    ----------
+    exclusions : Exclusions
+    cameras : sequence of int
+        Cameras to choose from, the reference first.
+    hypotheses : sequence of RelativePose
+        Relative poses, each of which connects two cameras.
+
+    Returns
+    -------
+    list of int
+        The connected cameras, in the order given.
+    Exclusions
+        With the others added.
+
+    Raises
+    ------
+    Insufficient
+        No two cameras are connected.
+    """
+    position = {c: i for i, c in enumerate(cameras)}
+    groups = connected_groups(cameras, hypotheses)
+    kept = next((g for g in groups if cameras[0] in g and len(g) > 1), groups[0])
+    left = [g for g in groups if g is not kept]
+    grown = exclusions._adding_groups(left, kept, "shares nobody's motion with")
+    if len(kept) < 2:
+        raise Insufficient(
+            Status.INSUFFICIENT_DATA,
+            "no two cameras see the same person move: check that their views overlap, that "
+            f"their clocks agree within {exclusions.offset_range_s:g} s (offset_range_s), "
+            "and record longer",
+            grown.cameras,
+        )
+    return sorted(kept, key=lambda c: position[c]), grown
+
+
+def largest_part(
+    exclusions: Exclusions, rig: Rig, disconnected: Disconnected
+) -> tuple[Rig, Exclusions]:
+    """Keep the part of a rig that is connected; the reference's if it has two cameras.
+
+    Raises
+    ------
+    Insufficient
+        No two cameras are connected.
+    """
+    groups = disconnected.groups
+    kept = next((g for g in groups if 0 in g and len(g) > 1), groups[0])
+    grown = exclusions._adding_groups(
+        [rig.cameras[list(g)].tolist() for g in groups if g is not kept],
+        rig.cameras[list(kept)].tolist(),
+        "hardly anything that it sees matches what is seen by",
+    )
+    if len(kept) < 2:
+        raise Insufficient(
+            Status.INSUFFICIENT_DATA,
+            "people could not be matched across views: too few of their image points fit any "
+            "two cameras; check the intrinsics, let views overlap more, and record longer",
+            grown.cameras,
+        )
+    return sub_rig(rig, kept), grown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Disconnected:
-    """Groups of cameras (positions in the rig) that share too few image points; largest first."""
+    """Groups of cameras (positions in the rig) that share too few observations; largest first."""
 
     groups: tuple[tuple[int, ...], ...]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.graphs import components
 from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
@@ -29,6 +30,25 @@ class Selection:
 
     cameras: tuple[int, ...]
     rejected: tuple[UncalibratedCamera, ...]
+
+
+def require_usable(recording: Recording, options: Options) -> int:
+    """Check a recording against the options.
+
+    Returns
+    -------
+    int
+        Index of the reference camera.
+
+    Raises
+    ------
+    InputError
+        The reference, a known distance or a line delay cannot be used with this recording.
+    """
+    reference = require_reference(recording, options)
+    require_known_cameras(recording, options)
+    require_line_times(recording)
+    return reference
 
 
 def require_reference(recording: Recording, options: Options) -> int:
@@ -137,19 +157,16 @@ def _overlapping(
     cameras: Sequence[LiftedCamera], members: Sequence[int], options: Options
 ) -> list[list[int]]:
     """Groups of cameras that may show enough common moments, in the given order."""
-    groups: list[list[int]] = []
-    for i in members:
-        near = [
-            g
-            for g in groups
-            if any(
+    tied = np.array(
+        [
+            [
                 _common_frames(cameras[i], cameras[j], options) >= options.min_common_frames
-                for j in g
-            )
+                for j in members
+            ]
+            for i in members
         ]
-        merged = [j for g in near for j in g] + [i]
-        groups = [g for g in groups if g not in near] + [merged]
-    return groups
+    ).reshape(len(members), len(members))
+    return [[members[k] for k in group] for group in components(tied)]
 
 
 def _common_frames(a: LiftedCamera, b: LiftedCamera, options: Options) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from stcalib_ros.core.geometry.lens import bearings
 from stcalib_ros.core.geometry.so3 import exp_so3, hat
+from stcalib_ros.core.geometry.triangulation import unit_rays
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.recording import CameraRecording, Recording
@@ -214,8 +215,7 @@ def lift(
 
 
 def _place(Y: Float64Array, x: Float64Array, used: BoolArray) -> tuple[Float64Array, BoolArray]:
-    b = np.concatenate([x, np.ones_like(x[..., :1])], -1)
-    b /= np.linalg.norm(b, axis=-1, keepdims=True)
+    b = unit_rays(x)
     P = used[..., None, None] * (np.eye(3) - b[..., :, None] * b[..., None, :])
     A = P.sum(1)
     rhs = -np.einsum("fjab,fjb->fa", P, Y)

@@ -63,6 +63,10 @@ _BODY_PARENT = {
 """Usual parent of a joint, by name; where a layout lacks it, its own parent serves."""
 
 
+TRUNK_JOINTS = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
+"""Joints whose mean is the middle of the body."""
+
+
 @dataclass(frozen=True, slots=True)
 class Layout:
     """Names and parents of the joints of one pose format.
@@ -223,6 +227,13 @@ def find_layout(name: str, joint_names: Sequence[str] = ()) -> Layout:
     ------
     InputError
         No layout of that name is known and no joint names are given.
+
+    Examples
+    --------
+    >>> find_layout("coco_17").joint_names[:3]
+    ('nose', 'left_eye', 'right_eye')
+    >>> find_layout("", ["pelvis", "neck", "head"]).parents
+    (-1, 0, 1)
     """
     if joint_names:
         known = LAYOUTS.get(name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
@@ -64,3 +65,22 @@ class LiftedCamera:
     stamps: Float64Array
     tracks: tuple[LiftedTrack, ...]
     shutter: Shutter = GLOBAL
+
+
+def time_span(cameras: Sequence[LiftedCamera], offset_s: Iterable[float]) -> tuple[float, float]:
+    """First and last image of some cameras, seconds by the reference clock.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+    offset_s : iterable of float
+        Time offset of each of them, seconds.
+    """
+    starts, ends = zip(
+        *(
+            (camera.stamps[0] + offset, camera.stamps[-1] + offset)
+            for camera, offset in zip(cameras, offset_s, strict=True)
+        ),
+        strict=True,
+    )
+    return float(min(starts)), float(max(ends))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.geometry.robust import RAYLEIGH_MEDIAN
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.keypoint_layouts import Layout
 
@@ -31,7 +32,6 @@ _SOLE_HEIGHT = {True: 0.03, False: 0.10}
 _SOLE_STDDEV = 0.025
 _WIDEST_STEPS = 8.0
 _ITERATIONS = 20
-_RAYLEIGH_MEDIAN = 1.17741
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,7 +176,7 @@ def _mean_direction(directions: Float64Array) -> tuple[Float64Array, float]:
         weight = 1.0 / (1.0 + (away / _LEAN_RAD) ** 2)
         mean = weight @ directions
     mean = mean / max(float(np.linalg.norm(mean)), 1e-9)
-    return mean, float(np.median(away) / _RAYLEIGH_MEDIAN / np.sqrt(len(away)))
+    return mean, float(np.median(away) / RAYLEIGH_MEDIAN / np.sqrt(len(away)))
 
 
 def _feet(layout: Layout, people: Sequence[Float64Array], block: int) -> tuple[Float64Array, bool]:

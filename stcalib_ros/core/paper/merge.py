@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from stcalib_ros.core.geometry.graphs import spanning_tree
 from stcalib_ros.core.integration.association import Association, Chain
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
-from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.lifted import LiftedCamera, time_span
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.paper.registration import PairRegistration
 
@@ -48,7 +48,7 @@ def merge(
     node = {int(c): i for i, c in enumerate(rig.cameras)}
     starts = pairs[0].starts
     slot_s = step_s * (float(np.diff(starts).mean()) if len(starts) > 1 else float(window))
-    begin, end = _span([cameras[c] for c in rig.cameras], rig)
+    begin, end = time_span([cameras[c] for c in rig.cameras], rig.offset_s)
     middle = start_s + step_s * (float(starts[0]) + window / 2)
     first_s = middle - slot_s * np.ceil((middle - begin) / slot_s - 0.5) - slot_s / 2
     n_slots = int(np.ceil((end - first_s) / slot_s)) + 1
@@ -71,14 +71,6 @@ def merge(
     return Association(
         tuple(chain.person_of), float(first_s), slot_s, chain.n_persons, float("nan"), {}
     )
-
-
-def _span(members: Sequence[LiftedCamera], rig: Rig) -> tuple[float, float]:
-    stamps = [
-        camera.stamps[[0, -1]] + offset
-        for camera, offset in zip(members, rig.offset_s, strict=True)
-    ]
-    return float(np.min(stamps)), float(np.max(stamps))
 
 
 def _groups(edges: Sequence[_Edge], s: int) -> list[list[tuple[int, int]]]:

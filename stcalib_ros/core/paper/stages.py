@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,18 +18,10 @@ from stcalib_ros.core.paper.oriented import oriented_points, spread_windows
 from stcalib_ros.core.paper.posegraph import optimise
 from stcalib_ros.core.paper.registration import PairRegistration, register
 from stcalib_ros.core.paper.stba import adjust_rounds
+from stcalib_ros.core.registration.resampling import Grid
 
 Tick = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it that is done."""
-
-
-@dataclass(frozen=True, slots=True)
-class Grid:
-    """Uniform times, by the clock of every camera: first one, number and step (seconds)."""
-
-    start_s: float
-    n: int
-    step_s: float
 
 
 def register_pairs(

@@ -15,7 +15,7 @@ from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options, RegistrationOptions
-from stcalib_ros.core.registration.resampling import GridTracks, sample_camera
+from stcalib_ros.core.registration.resampling import Grid, GridTracks, sample_camera
 from stcalib_ros.core.registration.two_view_refinement import refine_pair
 from stcalib_ros.core.registration.voting import register_pair
 
@@ -55,19 +55,20 @@ def pair_tasks(
     skeleton: Skeleton,
     options: Options,
     *,
-    start: float,
-    step: float,
-    n: int,
+    grid: Grid,
 ) -> list[PairTask]:
-    """Tasks of all pairs of some cameras, sampled at the times ``start + step * k``, k < n."""
-    grids = {c: sample_camera(lifted[c], skeleton, start=start, step=step, n=n) for c in cameras}
-    max_lag = int(np.ceil(2.0 * options.offset_range_s / step))
+    """Return the tasks of all pairs of some cameras, sampled on a grid."""
+    sampled = {
+        c: sample_camera(lifted[c], skeleton, start=grid.start_s, step=grid.step_s, n=grid.n)
+        for c in cameras
+    }
+    max_lag = int(np.ceil(2.0 * options.offset_range_s / grid.step_s))
     return [
         PairTask(
             a,
             b,
             (lifted[a], lifted[b]),
-            (grids[a], grids[b]),
+            (sampled[a], sampled[b]),
             max_lag,
             options.registration,
             options.synchronised,

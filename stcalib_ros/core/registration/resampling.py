@@ -9,8 +9,34 @@ import numpy as np
 
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array
+from stcalib_ros.core.model.keypoint_layouts import TRUNK_JOINTS
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.skeleton import Skeleton
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Uniform sample times ``start_s + k step_s``, k < n, by the clock of every camera.
+
+    Attributes
+    ----------
+    start_s, step_s : float
+        Time of the first sample and between samples, seconds.
+    n : int
+        Number of samples.
+    """
+
+    start_s: float
+    step_s: float
+    n: int
+
+
+def common_grid(cameras: Sequence[LiftedCamera]) -> Grid:
+    """Return the grid that spans all frames of some cameras, at their common step."""
+    step_s = common_step(cameras)
+    start_s = min(float(camera.stamps[0]) for camera in cameras)
+    end_s = max(float(camera.stamps[-1]) for camera in cameras)
+    return Grid(start_s, step_s, int((end_s - start_s) / step_s) + 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,11 +121,8 @@ def _oriented(joints: Float64Array, skeleton: Skeleton) -> tuple[Float64Array, F
 def joints_centre(joints: Float64Array, skeleton: Skeleton) -> Float64Array:
     """Middle of the body (..., 3): mean of hips and shoulders, of all joints in other layouts."""
     names = skeleton.layout.joint_names
-    trunk = [names.index(n) for n in _TRUNK if n in names] or list(range(len(names)))
+    trunk = [names.index(n) for n in TRUNK_JOINTS if n in names] or list(range(len(names)))
     return np.asarray(joints[..., trunk, :].mean(-2))
-
-
-_TRUNK = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
 
 
 def common_step(cameras: Sequence[LiftedCamera]) -> float:

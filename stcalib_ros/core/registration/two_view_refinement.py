@@ -12,8 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.geometry.alignment import unit
 from stcalib_ros.core.geometry.epipolar import _sampson_scale, sampson
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
+from stcalib_ros.core.geometry.robust import MIN_NOISE_PX, NOISE_MARGIN, RMS_OVER_MEDIAN
 from stcalib_ros.core.geometry.so3 import exp_so3, hat, log_so3
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
@@ -22,7 +24,6 @@ from stcalib_ros.core.registration.pose_noise import registration_stddev
 
 _MAX_POINTS = 1500
 _MIN_POINTS = 60
-_NOISE_FLOOR_PX = 3.0
 _MAX_NOISE_FRAMES = 300
 _CORRELATED = 20
 """Key points that make one independent measurement: joints of one body, frame after frame."""
@@ -76,7 +77,7 @@ def white_noise_px(tracks: Sequence[LiftedTrack]) -> float:
         third = pixels[runs + 3] - 3.0 * pixels[runs + 2] + 3.0 * pixels[runs + 1] - pixels[runs]
         differences.append(np.abs(third[np.isfinite(third)]))
     every = np.concatenate(differences)
-    return float(1.48 * np.median(every) / np.sqrt(20.0)) if len(every) else 0.0
+    return float(RMS_OVER_MEDIAN * np.median(every) / np.sqrt(20.0)) if len(every) else 0.0
 
 
 class _Matched:
@@ -157,7 +158,7 @@ class _Prior:
     def residuals(self, h: RelativePose) -> tuple[Float64Array, Float64Array]:
         """Of rotation (3,) and direction (3,), in standard deviations."""
         turned = log_so3(h.R_a_b @ self.R_a_b.T) / self.rotation
-        moved = (_unit(h.t_a_b) - self.unit_t) / self.direction
+        moved = (unit(h.t_a_b) - self.unit_t) / self.direction
         return turned, moved
 
 
@@ -185,7 +186,7 @@ def refine_pair(
     if len(c.x_a) < _MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
         return None
     deviations = registration_stddev(cameras[h.a], cameras[h.b], h)
-    prior = _Prior(h.R_a_b, _unit(h.t_a_b), *deviations)
+    prior = _Prior(h.R_a_b, unit(h.t_a_b), *deviations)
     noise = _noise(h, c, matched.white_px)
     cost = _cost(h, c, prior, noise)
     for _ in range(iterations):
@@ -228,9 +229,9 @@ class _Noise:
 
 def _noise(h: RelativePose, c: Correspondences, white_px: float) -> _Noise:
     """Of distances as they are, by their median."""
-    deviation = 1.48 * float(np.median(np.abs(_distances_px(h, c))))
-    white = min(1.0, (white_px / max(deviation, 1e-9)) ** 2)
-    return _Noise(max(_NOISE_FLOOR_PX, 1.5 * deviation), white)
+    stddev = RMS_OVER_MEDIAN * float(np.median(np.abs(_distances_px(h, c))))
+    white = min(1.0, (white_px / max(stddev, 1e-9)) ** 2)
+    return _Noise(max(MIN_NOISE_PX, NOISE_MARGIN * stddev), white)
 
 
 def _cost(h: RelativePose, c: Correspondences, prior: _Prior, noise: _Noise) -> float:
@@ -239,10 +240,6 @@ def _cost(h: RelativePose, c: Correspondences, prior: _Prior, noise: _Noise) -> 
     data = float(np.log1p(r**2).mean()) * len(r) / _CORRELATED
     turned, moved = prior.residuals(h)
     return data + float(turned @ turned + moved @ moved)
-
-
-def _unit(v: Float64Array) -> Float64Array:
-    return np.asarray(v / np.sqrt(v @ v))
 
 
 def _step(
@@ -254,7 +251,7 @@ def _step(
     *,
     max_lag_step: float,
 ) -> RelativePose:
-    t = _unit(h.t_a_b)
+    t = unit(h.t_a_b)
     tangent = np.linalg.svd(t[None])[2][1:]
     E = hat(t) @ h.R_a_b
     # Numerator and derivatives are all of the form x_a^T B x_b.
@@ -287,13 +284,13 @@ def _step(
     return replace(
         h,
         R_a_b=exp_so3(step[:3]) @ h.R_a_b,
-        t_a_b=_unit(t + tangent.T @ step[3:5]) * length,
+        t_a_b=unit(t + tangent.T @ step[3:5]) * length,
         lag_s=h.lag_s + float(np.clip(step[5], -max_lag_step, max_lag_step)),
     )
 
 
 def _metric_length(h: RelativePose, body_a: Float64Array, body_b: Float64Array) -> RelativePose:
     """Length and sign of t from where the monocular poses stand."""
-    t = _unit(h.t_a_b)
+    t = unit(h.t_a_b)
     along = (body_a - body_b @ h.R_a_b.T) @ t
     return replace(h, t_a_b=t * float(np.median(along))) if len(along) else h

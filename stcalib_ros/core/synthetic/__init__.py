@@ -13,9 +13,9 @@ __all__ = [
     "CameraChange",
     "MotionClip",
     "PersonMotion",
-    "SceneRig",
     "Scene",
     "SceneOptions",
+    "SceneRig",
     "paper_scene",
     "simulate",
 ]

@@ -88,6 +88,13 @@ def simulate(
         What happens to cameras on the way; the truth of the scene is what holds before.
     rng : Generator, optional
         Takes the place of ``options.seed``.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> scene = st.simulate(st.SceneOptions(n_cameras=2, n_people=2, n_frames=60, seed=1))
+    >>> [len(camera.stamps) for camera in scene.recording.cameras]
+    [60, 60]
     """
     options = options or SceneOptions()
     rng = np.random.default_rng(options.seed) if rng is None else rng

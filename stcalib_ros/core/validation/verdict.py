@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.integration.exclusions import Exclusions
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
+from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.validation.camera_checks import CameraChecks
@@ -24,34 +25,38 @@ class Solution:
 
     Attributes
     ----------
-    rounds : tuple of Iteration
+    iterations : tuple of Iteration
     covariance : (7 C, 7 C) ndarray
-    evidence : tuple of CameraChecks
-        Of the cameras of the rig.
-    left_out : tuple of UncalibratedCamera
+    checks : tuple of CameraChecks
+        Checks of the cameras of the rig.
+    exclusions : Exclusions
+        Cameras that were left out.
+    doubt : str
+        What speaks against the solution as a whole; empty if nothing does.
     """
 
-    rounds: tuple[Iteration, ...]
+    iterations: tuple[Iteration, ...]
     covariance: Float64Array
-    evidence: tuple[CameraChecks, ...]
-    left_out: tuple[UncalibratedCamera, ...]
+    checks: tuple[CameraChecks, ...]
+    exclusions: Exclusions
+    doubt: str = ""
 
     @property
     def last(self) -> Iteration:
-        """The round that counts."""
-        return self.rounds[-1]
+        """The iteration that counts."""
+        return self.iterations[-1]
 
     @property
     def sound(self) -> bool:
-        """No camera has to be doubted."""
-        return all(one.complaint() is None for one in self.evidence)
+        """Whether every camera passes its checks."""
+        return all(one.complaint() is None for one in self.checks)
 
 
 def judge(
     cameras: Sequence[LiftedCamera],
     skeleton: Skeleton,
     solution: Solution,
-    complaints: Sequence[str],
+    doubt: str,
 ) -> tuple[Status, str]:
     """Status of a calibration, and the message that goes with it.
 
@@ -61,30 +66,30 @@ def judge(
         All cameras.
     skeleton : Skeleton
     solution : Solution
-    complaints : sequence of str
-        What else speaks against it; empty ones do not count. The first one is said.
+    doubt : str
+        What else speaks against it; empty if nothing does.
     """
     last = solution.last
     names = [cameras[c].name for c in last.rig.cameras]
     doubts = [
         f"{name}: {complaint}"
-        for name, one in zip(names, solution.evidence, strict=True)
+        for name, one in zip(names, solution.checks, strict=True)
         if (complaint := one.complaint())
     ]
-    against = [text for text in (complaints[0], "; ".join(doubts), *complaints[1:]) if text]
+    against = [text for text in (solution.doubt, "; ".join(doubts), doubt) if text]
     if against:
         open_questions = find_ambiguity(cameras, skeleton, last).sentences()
         return Status.DEGENERATE, "; ".join([against[0], *open_questions])
     step_s = last.observations.step_s
-    if len(solution.rounds) > 1 and solution.rounds[-2].differing(last, step_s):
+    if len(solution.iterations) > 1 and solution.iterations[-2].differing(last, step_s):
         message = "the adjustment had not settled after the last round: raise bundle.rounds"
         return Status.NOT_CONVERGED, message
     parts = [f"{len(names)} of {len(cameras)} cameras calibrated"]
     parts += [
-        least_constrained_camera(names, solution.evidence, last),
+        least_constrained_camera(names, solution.checks, last),
         unobservable_clock_skews(last),
     ]
-    if solution.left_out:
+    if solution.exclusions.cameras:
         parts += find_ambiguity(cameras, skeleton, last).sentences()
     return Status.OK, "; ".join(part for part in parts if part)
 

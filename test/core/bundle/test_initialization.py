@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from stcalib_ros.core.bundle.initialization import select_initial_rig
+from stcalib_ros.core.bundle.initialization import Start, select_initial_rig
 from stcalib_ros.core.integration.exclusions import Exclusions
 
 TURNED = Rotation.from_euler("y", 40, degrees=True).as_matrix()
@@ -28,14 +28,15 @@ def tried(rounds, names):
     """What `select_initial_rig` gives where adjusting rig k leads to round k, and what it tried."""
     calls = []
 
-    def adjust(rig):
+    def adjust(rig, exclusions):
         k = next(i for i, one in enumerate(rounds) if one.rig is rig)
         calls.append(k)
-        return rounds[k]
+        return Start(rounds[k], exclusions)
 
     rigs = [one.rig for one in rounds]
-    left_out = Exclusions(names, offset_range_s=1.0)
-    return select_initial_rig(rigs, adjust, left_out, lambda *_: None), calls
+    none = Exclusions(tuple(names), offset_range_s=1.0)
+    start, rival = select_initial_rig(rigs, adjust, none, lambda *_: None)
+    return (start.iteration, rival), calls
 
 
 @pytest.fixture

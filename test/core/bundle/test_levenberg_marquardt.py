@@ -113,10 +113,10 @@ def test_the_reduced_system_is_the_schur_complement_of_the_dense_one(rng):
     H, g, n = dense_normal_equations(p, state, scale_of(p, state))
     points = np.flatnonzero(np.diag(H)[n:] > 0) + n
     eliminate = H[:n, points] @ np.linalg.inv(H[np.ix_(points, points)])
-    expected_H = H[:n, :n] - eliminate @ H[points, :n]
+    H_expected = H[:n, :n] - eliminate @ H[points, :n]
     expected_g = g[:n] - eliminate @ g[points]
     size = np.sqrt(np.outer(np.diag(H)[:n], np.diag(H)[:n]))
-    np.testing.assert_allclose(system.H / size, expected_H / size, atol=1e-6)
+    np.testing.assert_allclose(system.H / size, H_expected / size, atol=1e-6)
     root = np.sqrt(np.diag(H)[:n])
     np.testing.assert_allclose(system.g / root, expected_g / root, atol=1e-3)
 

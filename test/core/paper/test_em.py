@@ -81,8 +81,8 @@ def test_the_gradient_of_the_paper_vanishes_at_the_rotation_taken(seed):
     rng = np.random.default_rng(seed)
     gamma, kappa = rng.uniform(size=(3, 4)), rng.uniform(1, 500, 4)
     v, mu = people(rng, 3)[:, :, 0], people(rng, 4)[:, 0, 0]
-    S_matrix = np.einsum("pq,q,pti,qj->ij", gamma, kappa, v, mu)
-    R = best_rotation(S_matrix)
+    M = np.einsum("pq,q,pti,qj->ij", gamma, kappa, v, mu)
+    R = best_rotation(M)
 
     def gradient(R):
         return sum(
@@ -91,9 +91,9 @@ def test_the_gradient_of_the_paper_vanishes_at_the_rotation_taken(seed):
         )
 
     def value(R):
-        return float((R * S_matrix).sum())
+        return float((R * M).sum())
 
-    scale = np.abs(S_matrix).sum()
+    scale = np.abs(M).sum()
     assert gradient(R) == pytest.approx(np.zeros(3), abs=1e-9 * scale)
     away = exp_so3(0.01 * rng.normal(size=3)) @ R
     assert value(away) < value(R)

@@ -15,8 +15,9 @@ from stcalib_ros.core.integration.exclusions import Disconnected
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.options import BundleOptions, Options
 from stcalib_ros.core.paper.registration import PairRegistration
-from stcalib_ros.core.paper.stages import Grid, adjust_pairs
+from stcalib_ros.core.paper.stages import adjust_pairs
 from stcalib_ros.core.paper.stba import adjust_rounds, discard, window_velocities
+from stcalib_ros.core.registration.resampling import Grid
 from stcalib_ros.core.synthetic import SceneOptions, paper_scene
 
 STEP_S = 1 / 30
@@ -133,7 +134,7 @@ def test_cameras_that_share_nobody_fall_apart(scene):
 def test_cameras_without_a_registered_pair_between_them_fall_apart(scene):
     h = RelativePose(0, 1, np.eye(3), np.array([1.0, 0, 0]), 0.0, ((0, 0),), 1.0)
     pair = PairRegistration(h, np.array([0]), np.array([[0, 0, 0]]), 0.1)
-    grid = Grid(0.0, 60, STEP_S)
+    grid = Grid(0.0, STEP_S, 60)
     cameras, rig = lifted(scene.recording)[1], true_rig(scene)
     found = adjust_pairs(cameras, rig, [pair], Options(), grid, lambda *_: None)
     assert isinstance(found, Disconnected)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from core_helpers import FRAME_S, HALF_SECOND, changed, clock_shifted, error
 
-from stcalib_ros.core import pipeline
+from stcalib_ros.core import solution
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.pipeline import calibrate, run_stages
@@ -119,5 +119,5 @@ def test_where_nobody_is_left_out_nothing_is_registered_again(small_scene, monke
     def never(*args):
         raise AssertionError(args)
 
-    monkeypatch.setattr(pipeline, "resect", never)
+    monkeypatch.setattr(solution, "resect", never)
     assert calibrate(small_scene.recording, HALF_SECOND).status is Status.OK

@@ -12,11 +12,12 @@ from core_helpers import HALF_SECOND, error
 from stcalib_ros.core.bundle.normal_equations import Block
 from stcalib_ros.core.bundle.parameters import LINE_DELAY, POSE_AND_CLOCK, ParameterLayout
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.model.rolling_shutter import line_time_text, with_known_line_times
+from stcalib_ros.core.model.rolling_shutter import with_known_line_times
 from stcalib_ros.core.options import Options, RegistrationOptions
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
+from stcalib_ros.wording import line_delay_text
 
 ESTIMATE = replace(HALF_SECOND, estimate_line_time=True)
 LINES_S = (25e-6, 0.0, 20e-6)
@@ -89,7 +90,7 @@ def test_line_times_are_found_within_their_deviations(found):
         assert camera.line_time_s == pytest.approx(line_s, abs=4e-6)
         assert abs(camera.line_time_s - line_s) < 3.0 * camera.line_time_stddev_s
         assert camera.line_time_stddev_s < 3e-6
-        assert "+-" in line_time_text(camera)
+        assert "+-" in line_delay_text(camera)
 
 
 def test_estimated_is_nearly_as_good_as_given(scene, found):
@@ -134,7 +135,7 @@ def test_what_the_recording_does_not_tell_stays_as_given():
     for camera in found.cameras:
         assert camera.line_time_s == (5e-6 if camera.name == "cam1" else 0.0)
         assert camera.line_time_stddev_s * camera.intrinsics.height > 8e-3
-        assert "not told" in line_time_text(camera)
+        assert "not observable" in line_delay_text(camera)
 
 
 def test_the_method_of_the_paper_takes_them_as_given():

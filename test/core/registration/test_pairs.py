@@ -15,7 +15,7 @@ from stcalib_ros.core.errors import CalibrationError, Cancelled
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.registration.executors import map_tasks
 from stcalib_ros.core.registration.pairs import pair_tasks, register
-from stcalib_ros.core.registration.resampling import common_step
+from stcalib_ros.core.registration.resampling import Grid, common_step
 
 
 def nothing(_fraction):
@@ -33,7 +33,7 @@ def tasks(small_scene):
     skeleton, cameras = lifted(small_scene.recording)
     options, step = HALF_SECOND, common_step(cameras)
     start = float(cameras[0].stamps[0])
-    return pair_tasks(cameras, [2, 0, 1], skeleton, options, start=start, step=step, n=80)
+    return pair_tasks(cameras, [2, 0, 1], skeleton, options, grid=Grid(start, step, 80))
 
 
 class Patient:

@@ -9,6 +9,7 @@ import pytest
 
 from stcalib_ros.core.bundle.covariance import pose_covariance
 from stcalib_ros.core.geometry.so3 import exp_so3
+from stcalib_ros.core.integration.exclusions import Exclusions
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.validation.camera_checks import check_cameras
 from stcalib_ros.core.validation.verdict import Solution, judge, rivalry
@@ -20,20 +21,21 @@ def solution(small_stages):
     covariance = pose_covariance(last.observations, last.state)
     views = small_stages.lifted, small_stages.skeleton
     found = check_cameras(*views, last, covariance, offset_range_s=0.5)
-    return Solution(small_stages.rounds, covariance, found, ())
+    names = tuple(camera.name for camera in small_stages.lifted)
+    return Solution(small_stages.rounds, covariance, found, Exclusions(names, 0.5))
 
 
 @pytest.fixture
 def verdict(small_stages):
-    def of(solution, *complaints):
-        return judge(small_stages.lifted, small_stages.skeleton, solution, complaints or ("",))
+    def of(solution, doubt=""):
+        return judge(small_stages.lifted, small_stages.skeleton, solution, doubt)
 
     return of
 
 
 def doubtful(solution):
-    worse = replace(solution.evidence[1], bone_rotation=1.0)
-    return replace(solution, evidence=(solution.evidence[0], worse, *solution.evidence[2:]))
+    worse = replace(solution.checks[1], bone_rotation=1.0)
+    return replace(solution, checks=(solution.checks[0], worse, *solution.checks[2:]))
 
 
 def test_a_sound_solution_is_good(solution, verdict):
@@ -51,9 +53,10 @@ def test_a_doubt_names_its_camera(solution, verdict):
 
 
 def test_rivals_come_before_doubts_and_doubts_before_the_rest(solution, verdict):
-    assert verdict(doubtful(solution), "two of them", "no metre")[1].startswith("two of them")
-    assert verdict(doubtful(solution), "", "no metre")[1].startswith("cam1: ")
-    assert verdict(solution, "", "no metre") == (Status.DEGENERATE, "no metre")
+    rivalled = replace(doubtful(solution), doubt="two of them")
+    assert verdict(rivalled, "no metre")[1].startswith("two of them")
+    assert verdict(doubtful(solution), "no metre")[1].startswith("cam1: ")
+    assert verdict(solution, "no metre") == (Status.DEGENERATE, "no metre")
 
 
 def test_what_still_moves_has_not_converged(solution, verdict):
@@ -61,7 +64,7 @@ def test_what_still_moves_has_not_converged(solution, verdict):
     R = last.rig.R_ref_cam.copy()
     R[1] = R[1] @ exp_so3(np.array([0.0, 0.3, 0.0]))
     turned = replace(last, rig=replace(last.rig, R_ref_cam=R))
-    status, message = verdict(replace(solution, rounds=(turned, last)))
+    status, message = verdict(replace(solution, iterations=(turned, last)))
     assert status is Status.NOT_CONVERGED
     assert "raise bundle.rounds" in message
 

@@ -12,9 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.model.keypoint_layouts import Layout
-
-_TRUNK = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
+from stcalib_ros.core.model.keypoint_layouts import TRUNK_JOINTS, Layout
 
 DEGREES = (1, 2, 3)
 """Of the spherical harmonics."""
@@ -51,9 +49,9 @@ def harmonics(u: Float64Array, degrees: Sequence[int] = DEGREES) -> Float64Array
 
 def trunk_of(layout: Layout) -> tuple[int, ...] | None:
     """Left and right hip, left and right shoulder; None in layouts that lack one."""
-    if not set(_TRUNK) <= set(layout.joint_names):
+    if not set(TRUNK_JOINTS) <= set(layout.joint_names):
         return None
-    return tuple(layout.index(name) for name in _TRUNK)
+    return tuple(layout.index(name) for name in TRUNK_JOINTS)
 
 
 def body_frames(

@@ -1,0 +1,187 @@
+"""From candidate rigs to one that can be trusted: adjust, check, exclude, reinstate.
+
+Every loop here leaves out at least one camera per pass, and so ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+from stcalib_ros.core.bundle.initialization import Start, select_initial_rig
+from stcalib_ros.core.bundle.istba import initial_adjustment, run_istba
+from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.control import Control
+from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, largest_part
+from stcalib_ros.core.lifting.views import LiftedViews
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.rejection import Insufficient
+from stcalib_ros.core.model.rig import Rig, sub_rig
+from stcalib_ros.core.options import Options
+from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, resect
+from stcalib_ros.core.refinement.sequence import refine
+from stcalib_ros.core.registration.resampling import Grid
+from stcalib_ros.core.validation.camera_checks import check_cameras
+from stcalib_ros.core.validation.verdict import Solution, rivalry
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CalibrationProblem:
+    """The input of the stages after lifting.
+
+    Attributes
+    ----------
+    views : LiftedViews
+        All cameras.
+    cameras : tuple of int
+        Cameras to be calibrated, the reference first.
+    exclusions : Exclusions
+        Cameras that were left out before.
+    grid : Grid
+        Sample times that span all their frames.
+    options : Options
+    control : Control
+    executor : concurrent.futures.Executor, optional
+        Registers the pairs of cameras.
+    """
+
+    views: LiftedViews
+    cameras: tuple[int, ...]
+    exclusions: Exclusions
+    grid: Grid
+    options: Options
+    control: Control
+    executor: Executor | None = None
+
+
+def adjust_rigs(
+    problem: CalibrationProblem, rigs: Sequence[Rig], exclusions: Exclusions
+) -> Solution:
+    """Adjust candidate rigs, and bring the one that fits best to the end (STBA, ISTBA).
+
+    Parameters
+    ----------
+    problem : CalibrationProblem
+    rigs : sequence of Rig
+        Candidates, the best supported first.
+    exclusions : Exclusions
+        Cameras left out so far.
+
+    Raises
+    ------
+    Insufficient
+        No two cameras stay connected.
+    """
+
+    def adjust(rig: Rig, exclusions: Exclusions) -> Start:
+        return _adjust_initially(problem, rig, exclusions)
+
+    start, rival = select_initial_rig(rigs, adjust, exclusions, problem.control.tick)
+    if rival is None:
+        return _reinstate_excluded(problem, _exclude_unreliable(problem, start))
+    doubt = rivalry(start.iteration, rival, offset_range_s=problem.options.offset_range_s)
+    return replace(_solve(problem, start), doubt=doubt)
+
+
+def _adjust_initially(problem: CalibrationProblem, rig: Rig, exclusions: Exclusions) -> Start:
+    """Make the initial adjustment at a rig, without the cameras that it disconnects."""
+    for _ in range(len(rig.cameras)):
+        result = initial_adjustment(
+            problem.views.lifted, rig, problem.options.bundle, step_s=problem.grid.step_s
+        )
+        if isinstance(result, Iteration):
+            return Start(result, exclusions)
+        rig, exclusions = largest_part(exclusions, rig, result)
+    raise AssertionError("a rig of fewer than two cameras is never adjusted")
+
+
+def _iterate(problem: CalibrationProblem, start: Start) -> tuple[tuple[Iteration, ...], Exclusions]:
+    """Run ISTBA, without the cameras that it disconnects."""
+    for _ in range(len(start.iteration.rig.cameras)):
+        result = run_istba(
+            problem.views.lifted,
+            start.iteration,
+            problem.options.bundle,
+            step_s=problem.grid.step_s,
+            tick=problem.control.tick_iteration,
+        )
+        if not isinstance(result, Disconnected):
+            return result, start.exclusions
+        rig, exclusions = largest_part(start.exclusions, start.iteration.rig, result)
+        start = _adjust_initially(problem, rig, exclusions)
+    raise AssertionError("a rig of fewer than two cameras is never adjusted")
+
+
+def _solve(problem: CalibrationProblem, start: Start) -> Solution:
+    """Bring an initial adjustment to the end, and check its cameras."""
+    views, options = problem.views, problem.options
+    iterations, exclusions = _iterate(problem, start)
+    problem.control.tick_iteration(1.0, iterations[-1])
+    refined = refine(
+        views.lifted,
+        iterations,
+        views.skeleton.layout,
+        options.bundle,
+        estimate_line_delays=options.estimate_line_time,
+    )
+    covariance = refined.covariance.poses_and_offsets()
+    return check_solution(problem, refined.iterations, covariance, exclusions)
+
+
+def check_solution(
+    problem: CalibrationProblem,
+    iterations: tuple[Iteration, ...],
+    covariance: Float64Array,
+    exclusions: Exclusions,
+) -> Solution:
+    """Check every camera of an adjustment that was brought to the end."""
+    problem.control.tick("quality", 0.0)
+    checks = check_cameras(
+        problem.views.lifted,
+        problem.views.skeleton,
+        iterations[-1],
+        covariance,
+        offset_range_s=problem.options.offset_range_s,
+    )
+    return Solution(iterations, covariance, checks, exclusions)
+
+
+def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
+    """Solve, and again without the least reliable camera while fewer than half fail the checks."""
+    found = _solve(problem, start)
+    for _ in range(len(start.iteration.rig.cameras)):
+        failed = [i for i, check in enumerate(found.checks) if check.complaint() is not None]
+        if not failed or 2 * len(failed) >= len(found.checks):
+            break
+        worst = min(failed, key=lambda i: found.checks[i].inliers)
+        rig = found.last.rig
+        exclusions = found.exclusions.adding(
+            [int(rig.cameras[worst])], str(found.checks[worst].complaint())
+        )
+        rest = sub_rig(rig, [i for i in range(len(rig.cameras)) if i != worst])
+        found = _solve(problem, _adjust_initially(problem, rest, exclusions))
+    return found
+
+
+def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Solution:
+    """Take back cameras that can be registered now that the people are known, if any can."""
+    if not before.sound:
+        return before
+    views, present = problem.views, before.last.rig.cameras.tolist()
+    found: dict[int, Resection] = {}
+    for c in problem.cameras:
+        if c not in present:
+            problem.control.tick("registration of a camera that was left out", 0.0)
+            one = resect(views.lifted, c, views.skeleton, before.last, problem.options)
+            found |= {} if one is None else {c: one}
+    if not found:
+        return before
+    rig = add_cameras(before.last.rig, found, problem.cameras)
+    try:
+        start = _adjust_initially(problem, rig, before.exclusions.reinstating(list(found)))
+        after = _exclude_unreliable(problem, start)
+    except Insufficient:
+        return before
+    kept = set(after.last.rig.cameras.tolist())
+    return after if after.sound and kept > set(present) else before
