@@ -16,7 +16,7 @@ import numpy as np
 from stcalib_ros.core.bundle.limits import FURTHEST_BINS
 from stcalib_ros.core.bundle.parameters import PointTimes
 from stcalib_ros.core.integration.association import Association
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
 
@@ -53,12 +53,12 @@ class Observations:
     knot: IntArray
     track: IntArray
     phi: Float64Array
-    x: Float64Array
-    focal: Float64Array
+    x: Float32Array
+    focal: Float32Array
     seen: BoolArray
     start_s: float
     step_s: float
-    row: Float64Array | None = None
+    row: Float32Array | None = None
     line_s: Float64Array | None = None
     middle_s: float = 0.0
 
@@ -146,8 +146,8 @@ class _Images:
     knot: IntArray
     phi: Float64Array
     track: IntArray
-    x: Float64Array
-    focal: Float64Array
+    x: Float32Array
+    focal: Float32Array
     rows: Float64Array | None = None
 
 

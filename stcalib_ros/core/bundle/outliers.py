@@ -12,7 +12,7 @@ from stcalib_ros.core.bundle.observations import Observations
 from stcalib_ros.core.bundle.residuals import errors_px, median_error
 from stcalib_ros.core.bundle.state import BundleState
 from stcalib_ros.core.geometry.graphs import components
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.options import BundleOptions
 
@@ -32,7 +32,7 @@ def drop_outliers(o: Observations, state: BundleState, b: BundleOptions) -> Bund
     return state.with_inliers(used)
 
 
-def outlier_limit_px(errors: Float64Array, used: BoolArray, b: BundleOptions) -> float:
+def outlier_limit_px(errors: Float32Array, used: BoolArray, b: BundleOptions) -> float:
     """Error above which an image point is an outlier, by the median of the used ones."""
     return max(b.outlier_floor_px, b.outlier_factor * median_error(errors, used))
 

@@ -16,7 +16,7 @@ import numpy as np
 from stcalib_ros.core.bundle.gauge import camera_centres, spread, spread_gradient
 from stcalib_ros.core.bundle.scaled_system import ScaledSystem
 from stcalib_ros.core.geometry.so3 import exp_so3
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class PointTimes:
     """
 
     since_s: Float64Array
-    row: Float64Array
+    row: Float32Array | Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +85,7 @@ class CameraUnknown:
     size: int = 1
     of_clock: bool = False
     relative: bool = True
-    delay: Callable[[PointTimes], Float64Array] | None = None
+    delay: Callable[[PointTimes], Float32Array | Float64Array] | None = None
     displacements: Callable[[PointView], Float64Array] | None = None
 
     def derivative(self, view: PointView) -> Float64Array:

@@ -12,7 +12,7 @@ from stcalib_ros.core.bundle.observations import Observations, blocks_of
 from stcalib_ros.core.bundle.parameters import Cameras, CameraUnknown, ParameterLayout
 from stcalib_ros.core.geometry.local_polynomial import local_motion, smooth_motion
 from stcalib_ros.core.geometry.triangulation import triangulate, unit_rays
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from stcalib_ros.core.model.rig import Rig
 
 _HALF_WINDOW_S = 0.2
@@ -133,7 +133,7 @@ def _triangulated(
     return X, good
 
 
-def _rays(x: Float64Array, rig: Rig) -> Float64Array:
+def _rays(x: Float32Array, rig: Rig) -> Float64Array:
     """Unit rays (N, J, C, 3) of image points (N, C, J, 2) in the reference frame."""
     turned = unit_rays(x) @ np.swapaxes(rig.R_ref_cam, -1, -2)
     return np.asarray(turned.transpose(0, 2, 1, 3))

@@ -164,7 +164,7 @@ def _image_delays(obs: Observations, state: BundleState) -> Float64Array:
 def _at_times_of_images(obs: Observations, state: BundleState) -> Float64Array:
     """Keypoints (N, C, J, 2) where they would be if all rows of an image were taken at once."""
     if obs.row is None:
-        return obs.x
+        return obs.x.astype(np.float64)
     u = []
     for one in (obs, replace(obs, row=None)):
         Z = camera_points(one, state)
