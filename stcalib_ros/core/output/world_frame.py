@@ -17,7 +17,7 @@ from stcalib_ros.core.bundle.covariance import (
 from stcalib_ros.core.bundle.gauge import spread
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.limits import MIN_UNIT_BASELINE
-from stcalib_ros.core.bundle.parameters import propagate
+from stcalib_ros.core.bundle.scaled_system import propagate
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
