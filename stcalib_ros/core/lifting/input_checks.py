@@ -229,7 +229,7 @@ def _require_motion(cameras: Sequence[LiftedCamera]) -> None:
 
 
 def movement_of(track: LiftedTrack, stamps: Float64Array) -> float:
-    """Return the slow movement of the limbs that move most, over the height of the body in the image.
+    """Return the slow movement of the limbs that move most, over the height of the body.
 
     The range of the keypoints in time (10 % to 90 %, so that short exchanges of left and
     right do not count), after noise from image to image has been averaged away; of the
