@@ -61,7 +61,6 @@ LONG = {
     f"{CORE}.refinement.spline_trajectories",
     f"{CORE}.registration.two_view_refinement._step",
     f"{CORE}.synthetic.scene.true_calibration",
-    f"{CORE}.validation.camera_checks.check_cameras",
 }
 UNNAMED_NUMBERS = {
     f"{CORE}.bundle.istba",
