@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.recording import CameraRecording, Track
 from stcalib_ros.core.synthetic import tracking
@@ -16,7 +17,7 @@ from stcalib_ros.core.synthetic.lifter import LifterErrors, lift
 from stcalib_ros.core.synthetic.noise import child_rng
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.people import PersonMotion
-from stcalib_ros.core.synthetic.rigs import SceneRig, image_of
+from stcalib_ros.core.synthetic.rigs import SceneRig
 from stcalib_ros.core.synthetic.shutter import joints_by_row
 from stcalib_ros.core.synthetic.skeleton import LAYOUT, MIRROR
 
@@ -122,13 +123,13 @@ def observe(
     R, t = poses_over_time(rig.R_cam_world[camera], rig.t_cam_world[camera], times, changes)
     line_s = options.line_times(len(rig.names))[camera]
     truth = np.stack([joints_by_row(p, times, R, t, lens, line_s) for p in people], axis=1)
-    exact = image_of(truth, lens)
+    exact = project_visible(truth, lens)
     keypoints, joints = np.empty_like(exact), np.empty_like(truth)
     draws = [child_rng(rng) for _ in people]
     for p, own in enumerate(draws):
         common = np.random.default_rng([*people_seed, 1_000 + p])
         seen_at = displaced(truth[:, p], DetectorBias(common, 1e-3 * options.keypoint_bias_mm))
-        keypoints[:, p] = image_of(seen_at, lens)
+        keypoints[:, p] = project_visible(seen_at, lens)
         joints[:, p] = lift(own, times, truth[:, p], _lifter(own, common, options))
     keypoints += options.sigma_px * rng.standard_normal(keypoints.shape)
     visible = _visible(child_rng(rng), options, times, truth, keypoints)

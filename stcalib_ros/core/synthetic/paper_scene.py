@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.synthetic.clips import MotionClip
@@ -14,7 +15,7 @@ from stcalib_ros.core.synthetic.noise import child_rng
 from stcalib_ros.core.synthetic.observe import CameraObservation, Clock, make_tracks
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.people import PersonMotion, make_people
-from stcalib_ros.core.synthetic.rigs import SceneRig, image_of
+from stcalib_ros.core.synthetic.rigs import SceneRig
 from stcalib_ros.core.synthetic.scene import EPOCH_NS, Scene, make_rig, true_calibration
 from stcalib_ros.core.synthetic.skeleton import LAYOUT
 
@@ -105,7 +106,7 @@ def _observe(
     focal = float(np.sqrt(lens.K[0, 0] * lens.K[1, 1]))
     metres = options.sigma_px * np.abs(truth[..., 2:]) / focal
     joints = truth + metres * rng.standard_normal(truth.shape)
-    keypoints = image_of(joints, lens)
+    keypoints = project_visible(joints, lens)
     visible = np.isfinite(keypoints[..., 0]).sum(-1) >= _MIN_KEYPOINTS
     visible[:, list(hidden)] = False
     ids = np.where(visible, np.arange(len(people)), -1)
@@ -115,6 +116,6 @@ def _observe(
     recording = CameraRecording(
         name, f"{name}_optical_frame", lens, LAYOUT, clock.stamps, tracks, metric=True
     )
-    noise = (keypoints - image_of(truth, lens))[visible]
+    noise = (keypoints - project_visible(truth, lens))[visible]
     known = np.isfinite(noise[..., 0])
     return CameraObservation(recording, persons, int(known.sum()), float(np.sum(noise[known] ** 2)))

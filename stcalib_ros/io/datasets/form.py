@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
-from stcalib_ros.core.synthetic.rigs import image_of
 
 _MIN_JOINTS = 6
 
@@ -143,7 +143,7 @@ def _noisy_camera(
     lens, points = dataset.lens(c), dataset.in_camera(c)
     metres = sigma_px * np.abs(points[..., 2:]) / np.sqrt(lens.K[0, 0] * lens.K[1, 1])
     points = points + metres * rng.standard_normal(points.shape)
-    pixels = image_of(points, lens)
+    pixels = project_visible(points, lens)
     seen: BoolArray = np.asarray(np.isfinite(pixels).all(-1))
     scored = np.concatenate([np.nan_to_num(pixels), np.ones_like(pixels[..., :1])], -1)
     frame, person = np.nonzero(seen.sum(-1) >= _MIN_JOINTS)
