@@ -22,6 +22,7 @@ from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.paper.limits import POSE_STDDEV
 
 _STDDEV = np.repeat(POSE_STDDEV, 3)
+"""Standard deviations (m, rad) of a twist, see `limits.POSE_STDDEV`."""
 _MAX_ITERATIONS = 30
 """Gauss-Newton steps at most; pose graphs of a few cameras converge in far fewer."""
 _CONVERGED = 1e-10
