@@ -287,7 +287,7 @@ def test_command_writes_bag_and_truth(tmp_path: Path, capsys: pytest.CaptureFixt
     ("change", "message"),
     [
         (lambda folder: (folder / "calibration_x.json").unlink(), "no calibration_"),
-        (lambda folder: (folder / "calibration_x.json").write_text("{"), "no valid JSON"),
+        (lambda folder: (folder / "calibration_x.json").write_text("{"), "not valid JSON"),
         (lambda folder: (folder / "calibration_x.json").write_text("{}"), "no Panoptic sequence"),
     ],
 )
