@@ -18,21 +18,26 @@ from stcalib_ros.core.monitoring.change_detection import (
     Finding,
     explains,
 )
+from stcalib_ros.core.monitoring.limits import (
+    CONFIRMING_SPANS,
+    DISAGREEMENT_PX,
+    DISAGREEMENT_RATIO,
+    MAX_MATCHED_FRACTION,
+    MIN_EXPECTED,
+    MIN_GAIN,
+    MIN_SHIFT_GAIN,
+    MIN_SPAN_GAIN,
+    NO_DETECTIONS_FRACTION,
+    SUSPICIOUS_FRACTION,
+    UNMATCHED_SPANS,
+)
 from stcalib_ros.core.monitoring.spans import Span
 
 KEPT_SPANS = 5
+"""Spans that are looked at for a verdict, and in a row without detections for one. Chosen: ten
+seconds; on simulated changes of benchmarks.live.watch."""
 _RECENT = 4
-_CONFIRMED = 2
-_LOST_SPANS = 3
-_MIN_GAIN = 3.0
-_MIN_SHIFT_GAIN = 6.0
-_MIN_SPAN_GAIN = 0.3
-_HALF = 0.5
-_MAX_MATCHED = 0.1
-_MIN_EXPECTED = 5
-_DISAGREES = 2.5
-_DISAGREES_PX = 20.0
-_BLIND = 0.9
+"""Latest suspicious spans in a row that are added up. Numerical: one less than are kept."""
 
 
 class State(Enum):
@@ -155,8 +160,8 @@ def judge(
 
 def _verdict(spans: Sequence[Span], before: Verdict, thresholds: Thresholds) -> Verdict:
     name = before.name
-    away_s = [s.away_s[name] for s in spans[-_CONFIRMED:] if name in s.away_s]
-    if len(away_s) == _CONFIRMED:
+    away_s = [s.away_s[name] for s in spans[-CONFIRMING_SPANS:] if name in s.away_s]
+    if len(away_s) == CONFIRMING_SPANS:
         since_s = _since(spans[-1], before)
         return Verdict(name, State.AWAY, clock_jump_s=away_s[-1], since_s=since_s)
     own = [(span, span.findings[name]) for span in spans if name in span.findings]
@@ -175,10 +180,10 @@ def _verdict(spans: Sequence[Span], before: Verdict, thresholds: Thresholds) -> 
 def _gone(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | None:
     """Alarm if a camera matches nobody or sees nobody for longer than chance has it."""
     lost = _run(own, lambda f: _lost(f) or (_suspicious(f, thresholds) and f.fit.gain > 1.0))
-    if len(lost) >= _LOST_SPANS and sum(_lost(f) for _, f in lost) >= _CONFIRMED:
+    if len(lost) >= UNMATCHED_SPANS and sum(_lost(f) for _, f in lost) >= CONFIRMING_SPANS:
         since_s = _since(lost[0][0], measured)
         return _alarm(measured, State.LOST, since_s, suspects=_pair(lost[-1][0]))
-    blind = _run(own, lambda f: f.blind >= _BLIND * f.moments)
+    blind = _run(own, lambda f: f.blind >= NO_DETECTIONS_FRACTION * f.moments)
     if len(blind) >= KEPT_SPANS and not measured.state.changed:
         return _alarm(measured, State.BLIND, _since(blind[0][0], measured))
     return None
@@ -188,7 +193,7 @@ def _calmed(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict:
     """All is well if the last spans say so; else things stay as they are."""
     fine = _run(own, lambda f: not _suspicious(f, thresholds) and not _lost(f))
     evident = [(span, f) for span, f in fine if f.fit.n_points]
-    if len(evident) < (_CONFIRMED if measured.state.alarm else 1):
+    if len(evident) < (CONFIRMING_SPANS if measured.state.alarm else 1):
         return measured
     since_s = evident[0][0].end_s if measured.state.alarm else measured.since_s
     change = evident[-1][1].fit.change
@@ -214,8 +219,8 @@ def _run_of(values: Sequence[bool]) -> int:
 
 
 def _lost(f: Finding) -> bool:
-    unmatched = f.expected >= _MIN_EXPECTED and f.matched <= _MAX_MATCHED * f.expected
-    far = f.fit.before_px > max(_DISAGREES * f.promised_px, _DISAGREES_PX)
+    unmatched = f.expected >= MIN_EXPECTED and f.matched <= MAX_MATCHED_FRACTION * f.expected
+    far = f.fit.before_px > max(DISAGREEMENT_RATIO * f.promised_px, DISAGREEMENT_PX)
     return (unmatched and not f.fit.n_points) or (far and not explains(f.fit, f.promised_px))
 
 
@@ -231,20 +236,21 @@ def _effect(change: Float64Array, depth_m: float, thresholds: Thresholds) -> tup
 
 def _suspicious(f: Finding, thresholds: Thresholds) -> bool:
     effect = max(_effect(f.fit.change, f.depth_m, thresholds))
-    return f.fit.gain >= _MIN_SPAN_GAIN and effect >= _HALF and explains(f.fit, f.promised_px)
+    large = f.fit.gain >= MIN_SPAN_GAIN and effect >= SUSPICIOUS_FRACTION
+    return large and explains(f.fit, f.promised_px)
 
 
 def _changed(run: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | None:
     """Alarm if a run of suspicious spans adds up to a change, and the last ones agree on it."""
     gain = sum(f.fit.gain for _, f in run)
-    needed = _MIN_SHIFT_GAIN if any(f.fit.change[SHIFT].any() for _, f in run) else _MIN_GAIN
-    if len(run) < _CONFIRMED or gain < needed:
+    needed = MIN_SHIFT_GAIN if any(f.fit.change[SHIFT].any() for _, f in run) else MIN_GAIN
+    if len(run) < CONFIRMING_SPANS or gain < needed:
         return None
     depth_m = float(np.median([f.depth_m for _, f in run]))
     if max(_effect(_combined([f for _, f in run]), depth_m, thresholds)) < 1.0:
         return None
     alike = _run(run, lambda f: _alike(f, run[-1][1], thresholds))
-    if len(alike) < _CONFIRMED:
+    if len(alike) < CONFIRMING_SPANS:
         return None
     change = _combined([f for _, f in alike])
     moved, jumped = _effect(change, depth_m, thresholds)
@@ -270,7 +276,8 @@ def _pair(span: Span) -> tuple[str, ...]:
 def _alike(a: Finding, b: Finding, thresholds: Thresholds) -> bool:
     """Whether two spans may show one change, and not two, or a part of one."""
     apart = max(_effect(a.fit.change - b.fit.change, b.depth_m, thresholds))
-    return apart <= max(1.0, _HALF * max(_effect(b.fit.change, b.depth_m, thresholds)))
+    size = max(_effect(b.fit.change, b.depth_m, thresholds))
+    return apart <= max(1.0, SUSPICIOUS_FRACTION * size)
 
 
 def _combined(findings: Sequence[Finding]) -> Float64Array:

@@ -15,25 +15,26 @@ import numpy as np
 from stcalib_ros.core.geometry.robust import MIN_NOISE_PX, NOISE_MARGIN, RMS_OVER_MEDIAN
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.monitoring.limits import (
+    CORRELATED_KEYPOINTS,
+    EXPLAINED_PX,
+    EXPLAINED_RATIO,
+    MIN_POINTS,
+    RIVAL_RATIO,
+    SHIFT_GAIN,
+    SHIFT_GAIN_RATIO,
+    WORTH_CORRECTING,
+)
 from stcalib_ros.core.monitoring.matching import SpanObservations
 
 _ITERATIONS = 6
-_CORRELATED = 60.0
-"""Key points that make one independent measurement: joints of one body, moment after moment."""
+"""Gauss-Newton steps of a fit, at most. Numerical: changes are small."""
 _PRIOR = np.repeat([0.3, 0.3, 0.5], [3, 3, 1])
 """Standard deviations of what may have happened: rad, m, s."""
-_MIN_POINTS = 40
 _MAX_POINTS = 900
 """Of one camera beside all others; of more, a part is compared that stands for all."""
-WORTH_CORRECTING = 1.0
-"""Gain of a change from which on the others are judged with it."""
-_WORTH_A_SHIFT = 1.0
-"""Turn and shift can stand in for one another: where a calibration knows their difference badly,
-people at other places than those it was made from gain a little by both."""
-_RIVAL = 0.7
 _ALTERNATIONS = 3
-_FITS = 1.5
-_FITS_PX = 12.0
+"""Times that the changes of several cameras are fitted in turn. Numerical: bounds the cost."""
 
 ROTATION, SHIFT, CLOCK = slice(0, 3), slice(3, 6), 6
 """Where they are in the seven parameters of a change."""
@@ -139,7 +140,8 @@ def _attributed(s: SpanObservations, noise: Float64Array) -> tuple[list[Fit], li
             changes[c] = fits[c].change
         given = _corrected(s, changes)
         for c in sorted(left):
-            fit, close = best_fit(given, c, noise[c]), fits[c].gain >= _RIVAL * fits[worst].gain
+            fit = best_fit(given, c, noise[c])
+            close = fits[c].gain >= RIVAL_RATIO * fits[worst].gain
             if close and (fit.gain < WORTH_CORRECTING or C == 2):
                 alike[c].add(worst)
                 alike[worst].add(c)
@@ -160,7 +162,7 @@ def _believable(s: SpanObservations, noise: Float64Array) -> SpanObservations:
 
 def explains(fit: Fit, promised_px: float) -> bool:
     """Whether what a fit leaves is what the calibration promises, or not much more."""
-    return fit.after_px <= max(_FITS * promised_px, _FITS_PX)
+    return fit.after_px <= max(EXPLAINED_RATIO * promised_px, EXPLAINED_PX)
 
 
 def _corrected(
@@ -181,19 +183,19 @@ def best_fit(sightings: SpanObservations, c: int, noise_px: Float64Array) -> Fit
     points = _EpipolarPoints.of(sightings, c, noise_px)
     turned = fit_change(points, _TURN_AND_CLOCK)
     promise_holds = RMS_OVER_MEDIAN * turned.before_px <= float(np.median(noise_px))
-    if turned.n_points < _MIN_POINTS or promise_holds:
+    if turned.n_points < MIN_POINTS or promise_holds:
         return turned
     moved = fit_change(points, _EVERYTHING)
-    return moved if moved.gain > 1.15 * turned.gain + _WORTH_A_SHIFT else turned
+    return moved if moved.gain > SHIFT_GAIN_RATIO * turned.gain + SHIFT_GAIN else turned
 
 
 def fit_change(points: _EpipolarPoints, parameters: IntArray) -> Fit:
     """Fit those of the seven parameters that are named; the others are held at 0."""
     zero, none = np.zeros(7), np.zeros((7, 7))
     M, n = len(points.x), points.n
-    if M < _MIN_POINTS:
+    if M < MIN_POINTS:
         return Fit(zero, none, np.nan, np.nan, 0.0, M)
-    independent = n / M / _CORRELATED
+    independent = n / M / CORRELATED_KEYPOINTS
     free = np.ix_(parameters, parameters)
     change, (start, J) = zero, points.residuals(zero)
     r = start
@@ -206,7 +208,7 @@ def fit_change(points: _EpipolarPoints, parameters: IntArray) -> Fit:
         step[parameters] = -np.linalg.solve(A[free], g[parameters])
         change = change + step
         r, J = points.residuals(change)
-        if np.abs(step / _SETTLED).max() < 1.0:
+        if np.abs(step / _CONVERGED).max() < 1.0:
             break
     gain = np.log1p((start / points.noise) ** 2) - np.log1p((r / points.noise) ** 2)
     total = 0.5 * independent * float(gain.sum())
@@ -220,7 +222,8 @@ def fit_change(points: _EpipolarPoints, parameters: IntArray) -> Fit:
 
 _TURN_AND_CLOCK = np.array([0, 1, 2, 6])
 _EVERYTHING = np.arange(7)
-_SETTLED = np.repeat([1e-4, 1e-3, 1e-4], [3, 3, 1])
+_CONVERGED = np.repeat([1e-4, 1e-3, 1e-4], [3, 3, 1])
+"""Steps (rad, m, s) below which a fit has converged. Numerical: far below what raises an alarm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

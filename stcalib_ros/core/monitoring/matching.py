@@ -12,6 +12,7 @@ from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.lens import bearings, project
 from stcalib_ros.core.integration.association import associate
 from stcalib_ros.core.lifting.lift import lift_recording
+from stcalib_ros.core.lifting.limits import NEAREST_M
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.clocks import clock_correction
@@ -20,21 +21,27 @@ from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.rolling_shutter import with_known_line_times
 from stcalib_ros.core.model.skeleton import common_skeleton
+from stcalib_ros.core.monitoring.limits import (
+    BORDER_FRACTION,
+    MAX_REASSOCIATION_M,
+    MAX_REPROJECTION,
+    MIN_OVERLAP,
+    SAME_PLACE_M,
+    TOLERANCE_PX,
+)
 
 RATE_HZ = 15.0
 """Images looked at, per second and camera: enough to interpolate a walking person."""
 _SAMPLES_PER_S = 5.0
+"""Time steps at which persons are compared, per second. Numerical: bounds the cost."""
 _SLOT_SAMPLES = 50
-_TOLERANCE_PX = 40.0
+"""Samples of a span in association, so that all of it is one slot; as `SLOT_SAMPLES` there."""
 _MAX_JOINT_SAMPLES = 4000
 """Joints of all persons in one camera; with more people, fewer joints of each are compared."""
 _SCALE_SAMPLES = 4
+"""Time steps at which bodies are compared for the unit of length. Numerical: bounds the cost."""
 _MAX_SCALES = 50
-_SAME_PLACE_M = 0.5
-_NEAREST_M = 0.3
-_FAR_M = 2.0
-_IN_VIEW = 0.05
-"""A person nearer to the border of the image than this share of it may be missed."""
+"""Candidates for the unit of length, at most. Numerical: bounds the cost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,7 +213,7 @@ def metres_per_unit(cameras: Sequence[LiftedCamera], rig: Rig) -> float:
     if not len(candidates):
         return 1.0
     gap = np.linalg.norm(D - candidates[:, None, None] * t, axis=-1)
-    agree = gap < _SAME_PLACE_M
+    agree = gap < SAME_PLACE_M
     best = int(agree.sum(-1).argmax())
     chosen = scale[agree[best]]
     return float(np.median(chosen)) if len(chosen) else float(candidates[best])
@@ -229,7 +236,7 @@ def _sightings(
 ) -> SpanObservations:
     start, end = time_span(cameras, rig.offset_s)
     found = associate(
-        cameras, rig, step_s=(end - start + 1e-3) / _SLOT_SAMPLES, floor_px=_TOLERANCE_PX
+        cameras, rig, step_s=(end - start + 1e-3) / _SLOT_SAMPLES, floor_px=TOLERANCE_PX
     )
     K = max(2, round((end - start) * _SAMPLES_PER_S))
     times = start + (end - start) * (np.arange(K) + 0.5) / K
@@ -297,11 +304,12 @@ def _reassign(c: int, rig: Rig, body: Float64Array, arrays: tuple[Float64Array, 
     with np.errstate(invalid="ignore"):
         mean = mean / np.where(n_others > 0, n_others, np.nan)[..., None]
     apart = np.linalg.norm(places[c, own][:, None] - mean[wanted][None], axis=-1)
-    together = np.isfinite(apart).sum(-1) >= 0.5 * apart.shape[-1]
+    together = np.isfinite(apart).sum(-1) >= MIN_OVERLAP * apart.shape[-1]
     total = np.where(np.isfinite(apart), apart, 0.0).sum(-1)
-    cost = np.where(together, total / np.maximum(np.isfinite(apart).sum(-1), 1), _FAR_M)
-    rows, columns = linear_sum_assignment(np.minimum(cost, _FAR_M))
-    near = cost[rows, columns] < _FAR_M
+    mean_apart = total / np.maximum(np.isfinite(apart).sum(-1), 1)
+    cost = np.where(together, mean_apart, MAX_REASSOCIATION_M)
+    rows, columns = linear_sum_assignment(np.minimum(cost, MAX_REASSOCIATION_M))
+    near = cost[rows, columns] < MAX_REASSOCIATION_M
     for array in arrays:
         moved = array[c, own[rows[near]]].copy()
         array[c] = np.nan
@@ -349,7 +357,8 @@ def _in_view(points_cam: Float64Array, camera: CameraRecording) -> BoolArray:
     x, _ = bearings(pixels, lens)
     size = np.array([lens.width, lens.height])
     with np.errstate(invalid="ignore", divide="ignore"):
-        inside = ((pixels > _IN_VIEW * size) & (pixels < (1 - _IN_VIEW) * size)).all(-1)
+        border = BORDER_FRACTION * size
+        inside = ((pixels > border) & (pixels < size - border)).all(-1)
         # Far outside, a lens model may lead back into the image.
-        true = np.abs(x - points_cam[..., :2] / points_cam[..., 2:]).max(-1) < 0.01
-    return np.asarray(inside & true & (points_cam[..., 2] > _NEAREST_M))
+        true = np.abs(x - points_cam[..., :2] / points_cam[..., 2:]).max(-1) < MAX_REPROJECTION
+    return np.asarray(inside & true & (points_cam[..., 2] > NEAREST_M))

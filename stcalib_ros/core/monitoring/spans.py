@@ -15,18 +15,18 @@ from stcalib_ros.core.monitoring.change_detection import (
     CLOCK,
     ROTATION,
     SHIFT,
-    WORTH_CORRECTING,
     Finding,
     Fit,
     detect_changes,
 )
+from stcalib_ros.core.monitoring.limits import MIN_KEPT_POINTS, WORTH_CORRECTING
 from stcalib_ros.core.monitoring.matching import SpanObservations, associate_span
 
 SPAN_S = 2.0
 """Length of a span of time that is looked at as one."""
 _REFINEMENTS = 2
-_KEPT = 0.8
-"""A refinement must not lose more of the points that are compared."""
+"""Times that persons are associated again by the changed calibration. Numerical: bounds the
+cost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,7 +151,7 @@ def _refine(
     refined = False
     for name in changes:
         first, rest = findings[name].fit, again[name].fit
-        if rest.n_points >= _KEPT * first.n_points and rest.after_px < first.after_px:
+        if rest.n_points >= MIN_KEPT_POINTS * first.n_points and rest.after_px < first.after_px:
             findings[name] = replace(findings[name], fit=_composed(first, rest))
             refined = True
     return refined

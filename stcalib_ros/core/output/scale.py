@@ -15,15 +15,12 @@ from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.scale_cues import Distance
 from stcalib_ros.core.output.gravity import leg_length
-
-LEG_SHARE = 0.491
-"""Thigh and shank over body height (Drillis and Contini, 1966)."""
-_LEG_SHARE_STDDEV = 0.04
-"""Of its logarithm: proportions of people, and where layouts put hips and ankles."""
-_CONFLICT = 4.0
-"""Standard deviations of the difference beyond which two sources contradict each other."""
-_MISS = 0.05
-"""Lines of sight to one point that pass each other by more of the distance are wrong."""
+from stcalib_ros.core.output.limits import (
+    LEG_RATIO,
+    LEG_RATIO_STDDEV,
+    MAX_RAY_MISS,
+    MAX_SCALE_CONFLICT,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +67,7 @@ def fuse(claims: Sequence[ScaleCue]) -> Scale | None:
     for i, one in enumerate(claims):
         for other in claims[:i]:
             apart = abs(np.log(one.metres / other.metres))
-            if apart > _CONFLICT * np.hypot(one.stddev, other.stddev):
+            if apart > MAX_SCALE_CONFLICT * np.hypot(one.stddev, other.stddev):
                 raise InconsistentScale(
                     f"{other.source} and {one.source} contradict each other: lengths by the one "
                     f"are {other.metres / one.metres:.2f} times those by the other"
@@ -96,10 +93,10 @@ def by_height(
     legs = [leg for joints in people if np.isfinite(leg := leg_length(layout, joints))]
     if not legs:
         return None
-    height = float(np.mean(legs)) / LEG_SHARE
+    height = float(np.mean(legs)) / LEG_RATIO
     own = sigma_m / height_m / np.sqrt(len(legs))
     return ScaleCue(
-        "scale.body_height_m", height_m / height, float(np.hypot(own, _LEG_SHARE_STDDEV))
+        "scale.body_height_m", height_m / height, float(np.hypot(own, LEG_RATIO_STDDEV))
     )
 
 
@@ -174,7 +171,7 @@ def _ends(
     line = ends[:, None] - centres
     along = (line * rays).sum(-1, keepdims=True)
     missed = np.linalg.norm(line - along * rays, axis=-1) / np.maximum(along[..., 0], 1e-9)
-    if not (good.all() and (missed < _MISS).all()):
+    if not (good.all() and (missed < MAX_RAY_MISS).all()):
         names = ", ".join(points)
         raise InconsistentScale(
             f"scale.distances: the points given for {names} do not meet: check their pixels"

@@ -26,8 +26,7 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.options import BundleOptions
-
-_TOLERANCE = 0.05
+from stcalib_ros.core.paper.limits import STBA_TOLERANCE
 
 
 def adjust_rounds(
@@ -73,7 +72,7 @@ def adjust_rounds(
         tick(len(rounds) / o.rounds)
         if len(groups := connected(state.used, total)) > 1:
             return Disconnected(tuple(groups))
-        state = adjust(observations, state, iterations=o.max_iterations, tolerance=_TOLERANCE)
+        state = adjust(observations, state, iterations=o.max_iterations, tolerance=STBA_TOLERANCE)
         rounds.append(finish_iteration(rig, association, observations, state, total))
         before = state.used
         association, observations = discard(rounds[-1], o.outlier_factor)

@@ -15,9 +15,8 @@ from stcalib_ros.core.model.calibration import PersonAssociation
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.skeleton import Skeleton
+from stcalib_ros.core.reconstruction.limits import MAX_PEOPLE, MIN_TRACK_FRACTION
 from stcalib_ros.core.registration.resampling import GridTracks, tracks_on_grid
-
-_MIN_TRACK_SHARE = 0.25
 
 
 def found_persons(
@@ -55,13 +54,10 @@ def tracks_of(
         slots = association.person_of[i]
         share = (slots == person).sum(1) / np.maximum((slots >= 0).sum(1), 1)
         if ids := tuple(
-            cameras[c].tracks[p].track_id for p in np.flatnonzero(share >= _MIN_TRACK_SHARE)
+            cameras[c].tracks[p].track_id for p in np.flatnonzero(share >= MIN_TRACK_FRACTION)
         ):
             tracks[cameras[c].name] = ids
     return tracks
-
-
-_MAX_PEOPLE = 24
 
 
 def joint_paths(last: Iteration) -> Iterator[Float64Array]:
@@ -101,7 +97,7 @@ def people_on_grid(
     n = before + int(o.knot.max()) + 1 if n is None else n
     parts = list(person_rows_of(o))
     longest = sorted(range(len(parts)), key=lambda k: parts[k].start - parts[k].stop)
-    kept = longest[:_MAX_PEOPLE]
+    kept = longest[:MAX_PEOPLE]
     paths, numbers = [], []
     for k, joints in enumerate(joint_paths(last)):
         if k in kept:

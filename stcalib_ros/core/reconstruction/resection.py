@@ -24,24 +24,29 @@ from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options
+from stcalib_ros.core.reconstruction.limits import (
+    LOOSE_VOTE_THRESHOLD,
+    MAX_SHIFT_FRAMES,
+    MAX_TURN,
+    MIN_EXPLAINED,
+    MIN_GAIN,
+    OTHER_OFFSET_FRAMES,
+    OTHER_POSITION,
+    OTHER_ROTATION,
+    PERSON_SCALE_PX,
+    RESECTION_SCALE_PX,
+    RIVAL_RATIO,
+)
 from stcalib_ros.core.reconstruction.people import people_on_grid
 from stcalib_ros.core.registration.resampling import sample_camera
 from stcalib_ros.core.registration.voting import register_pair
 
-_LOOSE = 0.5
-"""Bones of poor poses agree no better than by this; what fits is up to the image points."""
 _MAX_IMAGES = 300
+"""Poses of the camera that are compared, at most. Numerical: bounds the cost."""
 _STEPS = 15
+"""Gauss-Newton steps, at most. Numerical: bounds the cost."""
 _LEAST_STEPS = 5
-_GAIN = 0.002
-_FINEST_PX = 12.0
-_MAX_TURN = 0.2
-_MAX_SHIFT_FRAMES = 2.0
-_OTHER_ROTATION = 0.1
-_OTHER_POSITION = 0.3
-_OTHER_OFFSET_FRAMES = 3.0
-_RIVAL = 0.8
-_MIN_EXPLAINED = 0.3
+"""Steps before convergence is looked at: persons change in the first ones. Numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +73,7 @@ class Resection:
         turned = float(rotation_angle(self.R_ref_cam.T @ other.R_ref_cam))
         moved = float(np.linalg.norm(self.t_ref_cam - other.t_ref_cam))
         shifted = abs(self.offset_s - other.offset_s) / frame_s
-        return turned > _OTHER_ROTATION or moved > _OTHER_POSITION or shifted > _OTHER_OFFSET_FRAMES
+        return turned > OTHER_ROTATION or moved > OTHER_POSITION or shifted > OTHER_OFFSET_FRAMES
 
 
 def resect(
@@ -99,11 +104,11 @@ def resect(
         for h in _hypotheses(cameras[index], skeleton, last, o)
     )
     found = sorted(start, key=lambda one: -one.explained)
-    if not found or found[0].explained < _MIN_EXPLAINED:
+    if not found or found[0].explained < MIN_EXPLAINED:
         return None
     best, *others = found
     rivals = (other for other in others if other.differs(best, frame_s))
-    if any(other.explained > _RIVAL * best.explained for other in rivals):
+    if any(other.explained > RIVAL_RATIO * best.explained for other in rivals):
         return None
     return best
 
@@ -135,7 +140,9 @@ def _hypotheses(
     seen = sample_camera(camera, skeleton, start=start, step=step, n=n)
     max_lag = int(np.ceil(2.0 * o.offset_range_s / step))
     close = register_pair(0, 1, people, seen, max_lag, o.registration)
-    loose = register_pair(0, 1, people, seen, max_lag, o.registration, thresholds=(_LOOSE,))
+    loose = register_pair(
+        0, 1, people, seen, max_lag, o.registration, thresholds=(LOOSE_VOTE_THRESHOLD,)
+    )
     return (*close, *loose)
 
 
@@ -175,12 +182,12 @@ class _Images:
             known = np.isfinite(mine) & (chosen >= 0)[:, None]
             if not known.any():
                 return best
-            weight = np.where(known, 1.0 / (1.0 + (mine / _FINEST_PX) ** 2), 0.0)
+            weight = np.where(known, 1.0 / (1.0 + (mine / RESECTION_SCALE_PX) ** 2), 0.0)
             at = replace(at, explained=float(weight.sum()) / self.n_points)
-            if step > _LEAST_STEPS and at.explained < best.explained + _GAIN:
+            if step > _LEAST_STEPS and at.explained < best.explained + MIN_GAIN:
                 return max(best, at, key=lambda one: one.explained)
             best = max(best, at, key=lambda one: one.explained)
-            scale = max(_FINEST_PX, float(np.median(mine[known])))
+            scale = max(RESECTION_SCALE_PX, float(np.median(mine[known])))
             at = self._step(at, predicted, chosen, known, scale)
         return best
 
@@ -203,7 +210,7 @@ class _Images:
         """Person (M,) of every image of a track, one for a slot of time; -1 where none fits."""
         slot_s = SLOT_SAMPLES * self.last.observations.step_s
         slot = np.floor((self.times + at.offset_s) / slot_s).astype(np.int64)
-        fits = np.nan_to_num(1.0 / (1.0 + (error / (4.0 * _FINEST_PX)) ** 2)).sum(-1)
+        fits = np.nan_to_num(1.0 / (1.0 + (error / (PERSON_SCALE_PX)) ** 2)).sum(-1)
         chosen: IntArray = np.full(len(self.times), -1, dtype=np.int64)
         for s in np.unique(slot):
             rows = np.flatnonzero(slot == s)
@@ -242,8 +249,8 @@ class _Images:
         H[range(7), range(7)] += 1e-9 * np.trace(H)
         step = np.zeros(7)
         step[free] = -np.linalg.solve(H[np.ix_(free, free)], g[free])
-        turn = step[:3] * min(1.0, _MAX_TURN / max(float(np.linalg.norm(step[:3])), 1e-12))
-        limit = _MAX_SHIFT_FRAMES * self.last.observations.step_s
+        turn = step[:3] * min(1.0, MAX_TURN / max(float(np.linalg.norm(step[:3])), 1e-12))
+        limit = MAX_SHIFT_FRAMES * self.last.observations.step_s
         return replace(
             at,
             R_ref_cam=at.R_ref_cam @ exp_so3(turn),
