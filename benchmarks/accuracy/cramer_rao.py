@@ -28,7 +28,7 @@ import numpy as np
 from benchmarks.accuracy.measure import Run, judged, run_calibration, run_scenes
 from benchmarks.accuracy.scenarios import SCENARIOS, Scenario
 from benchmarks.table import Row, print_rows
-from stcalib_ros.core.bundle.normal_equations import CAMERA
+from stcalib_ros.core.bundle.covariance import OFFSET_ROW, rows_of
 from stcalib_ros.core.evaluation.cramer_rao import (
     CramerRaoBound,
     ExpectedErrors,
@@ -123,7 +123,7 @@ def _with_jitter(bound: CramerRaoBound, scene: Scene) -> CramerRaoBound:
     """Add the mean error of the stamps of every clock, which is not observable."""
     n = np.array([len(camera.stamps) for camera in scene.recording.cameras])
     variance = scene.options.stamp_jitter_s**2 / n
-    offsets = np.arange(CAMERA - 1, len(bound.covariance), CAMERA)[1:]
+    offsets = rows_of(np.arange(1, len(n)))[:, OFFSET_ROW]
     covariance = bound.covariance.copy()
     covariance[np.ix_(offsets, offsets)] += np.diag(variance[1:]) + variance[0]
     return replace(bound, covariance=covariance)

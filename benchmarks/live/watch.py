@@ -28,8 +28,9 @@ import numpy as np
 from benchmarks.table import Row, finite, print_rows
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import Recording, excerpt
-from stcalib_ros.core.monitoring.alarms import KEPT_SPANS, State, Thresholds, Verdict, judge
-from stcalib_ros.core.monitoring.spans import SPAN_S, Span, check_span
+from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
+from stcalib_ros.core.monitoring.spans import Span, check_span
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import CameraChange, Scene, SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips

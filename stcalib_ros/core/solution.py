@@ -118,14 +118,15 @@ def _solve(problem: CalibrationProblem, start: Start) -> Solution:
     views, options = problem.views, problem.options
     iterations, exclusions = _iterate(problem, start)
     problem.control.tick_iteration(1.0, iterations[-1])
-    iterations, covariance = refine(
+    refined = refine(
         views.lifted,
         iterations,
         views.skeleton.layout,
         options.bundle,
-        estimate_line_delay=options.estimate_line_time,
+        estimate_line_delays=options.estimate_line_time,
     )
-    return check_solution(problem, iterations, covariance, exclusions)
+    covariance = refined.covariance.poses_and_offsets()
+    return check_solution(problem, refined.iterations, covariance, exclusions)
 
 
 def check_solution(

@@ -11,6 +11,7 @@ from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.output.world_frame import WorldAlignment
+from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory, reconstruct
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,3 +42,11 @@ class Stages:
     rounds: tuple[Iteration, ...]
     calibration: Calibration
     placement: WorldAlignment | None = None
+
+    def trajectories(self) -> tuple[PersonTrajectory, ...]:
+        """Return the joints of all persons in the frame and unit of the calibration."""
+        if self.placement is None:
+            return ()
+        return reconstruct(
+            self.lifted, self.rounds[-1], self.skeleton.layout, self.placement.to_result
+        )

@@ -196,7 +196,7 @@ def _require_readable(schemas: Iterable[TopicSchema], cameras: Iterable[Selected
         try:
             text = s.schema.decode()
         except UnicodeDecodeError as error:
-            raise InputError(f"{s.topic}: the definition of {s.type_name} is no text") from error
+            raise InputError(f"{s.topic}: the definition of {s.type_name} is not text") from error
         require_same_schema(s.topic, s.type_name, text)
 
 

@@ -110,8 +110,8 @@ def _form(data: bytes) -> str:
     form = _FORMS.get(int.from_bytes(data[:2], "big")) if len(data) >= _STAMP_END else None
     if form is None:
         raise InputError(
-            f"{len(data)} bytes that begin with {data[:4].hex(' ') or 'nothing'} are no message in "
-            "plain CDR with a header"
+            f"{len(data)} bytes that begin with {data[:4].hex(' ') or 'nothing'} are not a message "
+            "in plain CDR with a header"
         )
     return form
 

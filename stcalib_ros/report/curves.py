@@ -54,13 +54,14 @@ def liveliest_movement(stages: Stages, room: Room) -> Movement | None:
     """The joint with the most up and down in the most cameras; None if there is none.
 
     A height is that of the point on the camera's own line of sight which is nearest to the
-    triangulated joint: the camera's own key points tell it, the others only how far away the
-    joint is. Of long recordings only the liveliest few seconds are in it.
+    triangulated joint: it follows from the camera's own keypoints, and only its distance from the
+    others. Of long recordings only the liveliest few seconds are in it.
     """
     best: tuple[float, Movement] | None = None
     if stages.placement is None:
         return None
-    for person, rows in zip(stages.calibration.persons, person_rows(stages), strict=True):
+    all_rows = person_rows(stages.lifted, stages.rounds[-1])
+    for person, rows in zip(stages.calibration.persons, all_rows, strict=True):
         sights = _sights(stages, stages.placement, room, rows)
         for j, joint in enumerate(stages.skeleton.layout.joint_names):
             if not any(limb in joint for limb in _LIMBS):

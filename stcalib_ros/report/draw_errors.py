@@ -21,15 +21,15 @@ _OUTLIER = "#C3C9CF"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraErrors:
-    """Reprojection errors of one camera, px: of image points that fit, and of the others."""
+    """Reprojection errors of one camera, px, of inliers and outliers."""
 
     name: str
     inliers: Float64Array
     outliers: Float64Array
 
     @property
-    def share(self) -> float:
-        """Image points that fit, as a share of all."""
+    def inlier_fraction(self) -> float:
+        """Inliers as a fraction of all observations."""
         return len(self.inliers) / max(len(self.inliers) + len(self.outliers), 1)
 
 
@@ -63,7 +63,7 @@ def errors_figure(cameras: Sequence[CameraErrors]) -> Figure:
             continue
         _histogram(ax, cameras[i], PALETTE[i % len(PALETTE)], limit)
         if i % n_columns == 0:
-            ax.set_ylabel("image points")
+            ax.set_ylabel("observations")
         if i + n_columns >= len(cameras):
             ax.set_xlabel("reprojection error [px]")
             ax.tick_params(labelbottom=True)
@@ -80,7 +80,7 @@ def _histogram(ax: Axes, camera: CameraErrors, color: str, limit: float) -> None
         ax.text(
             0.98,
             0.95,
-            f"median {np.median(camera.inliers):.1f} px\n{camera.share:.0%} fit",
+            f"median {np.median(camera.inliers):.1f} px\n{camera.inlier_fraction:.0%} inliers",
             transform=ax.transAxes,
             ha="right",
             va="top",

@@ -64,7 +64,7 @@ def decode(type_name: str, data: bytes) -> Any:
 
 
 def time_message(stamp_s: float) -> Time:
-    """Stamp from Unix seconds, to the nanosecond that a float64 can tell; NaN gives zero."""
+    """Stamp from Unix seconds, as precise as float64 is; NaN gives zero."""
     if not math.isfinite(stamp_s):
         return Time()
     whole, fraction = divmod(stamp_s, 1.0)

@@ -131,7 +131,7 @@ def _watch_values(verdict: Verdict | None) -> dict[str, str]:
         "watch_shift_m": f"{verdict.shift_m:.3f}",
         "watch_clock_ms": f"{1e3 * verdict.clock_jump_s:.0f}",
         "watch_residual_px": f"{verdict.residual_px:.1f}",
-        "watch_promised_px": f"{verdict.promised_px:.1f}",
+        "watch_promised_px": f"{verdict.expected_px:.1f}",
     }
 
 

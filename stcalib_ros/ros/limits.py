@@ -131,7 +131,7 @@ SPIN_S = 0.2
 """Seconds. SIGINT and SIGTERM are acted on within this."""
 
 WAIT_S = 5.0
-"""Seconds. ``replay --play`` waits at most this long for subscriptions unless told otherwise."""
+"""Seconds. ``replay --play`` waits at most this long for subscriptions by default."""
 
 LINGER_S = 0.5
 """Seconds. After the last message the player stays this long, for it to arrive before the process

@@ -11,8 +11,9 @@ import numpy as np
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
-from stcalib_ros.core.monitoring.alarms import KEPT_SPANS, State, Thresholds, Verdict, judge
-from stcalib_ros.core.monitoring.spans import SPAN_S, Span, check_span
+from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
+from stcalib_ros.core.monitoring.spans import Span, check_span
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
 from stcalib_ros.io.messages import NS
 from stcalib_ros.io.stamps import SAME_CLOCK, ClockCorrection, corrections_of
@@ -123,7 +124,7 @@ class Watcher:
             self._calibration,
             start_s=start_s,
             min_score=min_score,
-            away_s={name: lead for name, lead in lead_s.items() if abs(lead) > LATE_S},
+            lead_s={name: lead for name, lead in lead_s.items() if abs(lead) > LATE_S},
         )
 
     def news(self, thresholds: Thresholds) -> tuple[Verdict, ...]:
@@ -170,9 +171,9 @@ def _examined(
     *,
     start_s: float,
     min_score: float,
-    away_s: Mapping[str, float],
+    lead_s: Mapping[str, float],
 ) -> Span:
-    empty = Span(start_s, start_s + SPAN_S, {}, away_s)
+    empty = Span(start_s, start_s + SPAN_S, {}, lead_s)
     if len(images) < MIN_CAMERAS:
         return empty
     try:
@@ -185,5 +186,5 @@ def _examined(
         start_s=start_s,
         end_s=start_s + SPAN_S,
         min_score=min_score,
-        away_s=away_s,
+        lead_s=lead_s,
     )

@@ -47,7 +47,7 @@ def test_either_endianness() -> None:
 
 @pytest.mark.parametrize("data", [b"", b"\x00\x01", b"\x00\x07\x00\x00abcd", b"abcdefgh"])
 def test_no_cdr(data: bytes) -> None:
-    with pytest.raises(ValueError, match="no plain CDR"):
+    with pytest.raises(ValueError, match="not plain CDR"):
         CdrReader(data)
 
 

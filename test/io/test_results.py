@@ -178,7 +178,7 @@ def test_what_may_be_missing(tmp_path: Path) -> None:
             "persons: [{id: 1.5}]\nmetric: true",
             r"persons\[0\]\.id: expected a",
         ),
-        ("metric: true", "metric: [1, 2", r"no valid YAML"),
+        ("metric: true", "metric: [1, 2", r"not valid YAML"),
         ("metric: true", "joint_covariance: [[1, 2]]\nmetric: true", r"expected 1 numbers"),
     ],
 )
@@ -197,7 +197,7 @@ def test_no_such_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot read"):
         read_result(tmp_path)
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="is no text file"):
+    with pytest.raises(InputError, match="is not a text file"):
         read_result(tmp_path / "binary")
 
 

@@ -99,9 +99,9 @@ def test_status_of_a_camera(counts, lack, level, message):
     [
         (State.UNKNOWN, "", DiagnosticStatus.OK),
         (State.OK, "", DiagnosticStatus.OK),
-        (State.BLIND, "", DiagnosticStatus.WARN),
+        (State.NO_DETECTIONS, "", DiagnosticStatus.WARN),
         (State.MOVED, "", DiagnosticStatus.ERROR),
-        (State.LOST, "waits for poses", DiagnosticStatus.ERROR),
+        (State.UNMATCHED, "waits for poses", DiagnosticStatus.ERROR),
     ],
 )
 def test_what_the_watch_says_of_a_camera(state, lack, level):

@@ -260,7 +260,7 @@ def test_every_option_has_a_parameter():
     [
         ({"cameras": ["cam0"]}, "1 given"),
         ({"cameras": ["cam0", "cam0"]}, "twice"),
-        ({"cameras": ["cam0", "a b"]}, "'a b' is no name"),
+        ({"cameras": ["cam0", "a b"]}, "'a b' is not a name"),
         ({"cameras": [f"c{i}" for i in range(65)]}, "65 given"),
         ({"reference": "cam7"}, "'cam7' is none of the cameras"),
     ],

@@ -11,7 +11,7 @@ import pytest
 
 from stcalib_ros.core.model.recording import CameraRecording
 from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict
-from stcalib_ros.core.monitoring.spans import SPAN_S
+from stcalib_ros.core.monitoring.limits import SPAN_S
 from stcalib_ros.core.synthetic import CameraChange, Scene, SceneOptions, simulate
 from stcalib_ros.io.assemble import CameraImages
 from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage
@@ -170,7 +170,7 @@ def test_who_has_stopped_is_not_waited_for(quiet):
 def test_stamps_that_are_far_off_are_told(quiet):
     scene = simulate(OPTIONS, changes=[CameraChange(2, CHANGED_S, clock_s=100.0)])
     said = alarms(Live(scene).play(lag_s={"cam2": -100.0}))
-    assert said == [("cam2", State.AWAY)]
+    assert said == [("cam2", State.STAMPS_OFF)]
 
 
 def test_time_that_starts_again_is_followed(turned):

@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.gauge import spread
 from stcalib_ros.core.bundle.iteration import Iteration, _rig_of
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
 from stcalib_ros.core.bundle.observations import Observations, observe
 from stcalib_ros.core.bundle.offset_debiasing import debias_offsets
 from stcalib_ros.core.bundle.outliers import connected, drop_outliers, image_points
+from stcalib_ros.core.bundle.parameters import ParameterLayout
 from stcalib_ros.core.bundle.residuals import errors_px, median_error
 from stcalib_ros.core.bundle.state import BundleState, estimate_motion, initial_state
 from stcalib_ros.core.integration.association import SLOT_SAMPLES, Association, associate
@@ -119,8 +121,8 @@ def _settled(before: Iteration, after: Iteration, step_s: float) -> bool:
         np.array_equal(a, b)
         for a, b in zip(before.association.person_of, after.association.person_of, strict=True)
     )
-    baseline = float(np.linalg.norm(after.rig.t_ref_cam[1]))
-    moved = np.linalg.norm(after.rig.t_ref_cam - before.rig.t_ref_cam, axis=-1).max() / baseline
+    length = spread(after.rig.t_ref_cam)
+    moved = np.linalg.norm(after.rig.t_ref_cam - before.rig.t_ref_cam, axis=-1).max() / length
     turned = np.abs(after.rig.R_ref_cam - before.rig.R_ref_cam).max()
     shifted = np.abs(after.rig.offset_s - before.rig.offset_s).max() / step_s
     return same and bool(max(moved, turned) < 1e-3 and shifted < 0.02)
@@ -184,12 +186,19 @@ def finish_iteration(
 
 
 def readjusted(
-    before: Iteration, observations: Observations, o: BundleOptions, *, last: bool
+    before: Iteration,
+    observations: Observations,
+    o: BundleOptions,
+    *,
+    last: bool,
+    layout: ParameterLayout | None = None,
 ) -> Iteration:
-    """A round whose images were taken at other times, adjusted to them from where it is."""
-    known = before.state.used.sum(1) >= 2
+    """Adjust a round from where it is to images at other times, or to further unknowns."""
+    known = before.state.triangulated()
     V, A = estimate_motion(observations, before.state.X, known)
     state = drop_outliers(observations, replace(before.state, V=V, A=A), o)
     tolerance = _FINAL_TOLERANCE if last else _TOLERANCE
-    state = adjust(observations, state, iterations=o.max_iterations, tolerance=tolerance)
-    return before.moved(observations, state)
+    state = adjust(
+        observations, state, iterations=o.max_iterations, tolerance=tolerance, layout=layout
+    )
+    return before.with_state(observations, state)

@@ -28,16 +28,16 @@ _OTHER_SCALE = 1.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClockSkews:
-    """Rates of the clocks of the cameras (C,) against that of the reference.
+    """Skews of the clocks of the cameras (C,) against that of the reference.
 
     Attributes
     ----------
     skew : (C,) ndarray
-        ``t_ref = t_cam + offset + skew (t_ref - middle_s)``; 0 where not told.
+        ``t_ref = t_cam + offset + skew (t_ref - middle_s)``; 0 where not observable.
     stddev : (C,) ndarray
-        Predicted; of those that are not told, what it would have been.
+        Predicted standard deviation; where not observable, that of an estimate.
     middle_s : float
-        The moment that the offsets of the rig hold for.
+        Time at which the offsets of the rig hold.
     """
 
     skew: Float64Array
@@ -47,46 +47,44 @@ class ClockSkews:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimestampErrors:
-    """Errors of single stamps of the cameras (C,), and what they leave unknown of the clocks.
+    """Jitter of the timestamps of the cameras (C,), and what it leaves unknown of the clocks.
 
     Attributes
     ----------
     stddev_s : (C,) ndarray
-        Of the error of a stamp.
-    offset_variance, rate_variance : (C,) ndarray
-        Of their mean and of their trend, which no image tells from offset and rate of the clock.
+        Standard deviation of the error of one timestamp.
+    offset_variance, skew_variance : (C,) ndarray
+        Variance of the mean and of the trend of the errors: no image separates these from offset
+        and skew of the clock.
     """
 
     stddev_s: Float64Array
     offset_variance: Float64Array
-    rate_variance: Float64Array
+    skew_variance: Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineDelays:
-    """Line times of the shutters of the cameras (C,), estimated.
+    """Line delays of the rolling shutters of the cameras (C,), estimated.
 
     Attributes
     ----------
     line_s : (C,) ndarray
-        Seconds per row; where the recording does not tell it, the given one.
+        Seconds per row; where not observable, the given one.
     stddev_s : (C,) ndarray
-        Predicted; of those that are not told, what it would have been.
+        Predicted standard deviation; where not observable, that of an estimate.
     first_row_s : (C,) ndarray
         What to add to the offsets of the rig for them to hold for row 0.
-    added : (7 C, 7 C) ndarray
-        What not to know the line times adds to the covariance of the cameras, offsets of row 0.
     """
 
     line_s: Float64Array
     stddev_s: Float64Array
     first_row_s: Float64Array
-    added: Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Iteration:
-    """What one round of association, adjustment and outlier removal left.
+    """The result of one round of association, adjustment and outlier removal.
 
     Attributes
     ----------
@@ -104,11 +102,11 @@ class Iteration:
     share : float
         Of all image points of a camera, matched or not, the part that fits; of the camera
         with the smallest.
-    clocks : ClockSkews or None
-        None where they were not asked for.
-    stamps : TimestampErrors or None
-        None where stamps have no errors that images tell.
-    lines : LineDelays or None
+    clock_skews : ClockSkews or None
+        None where the clocks are synchronised, and before they are estimated.
+    timestamp_errors : TimestampErrors or None
+        None where no jitter of the timestamps is observable.
+    line_delays : LineDelays or None
         None where they were not estimated.
     """
 
@@ -119,11 +117,11 @@ class Iteration:
     median_px: float
     coverage: float
     share: float
-    clocks: ClockSkews | None = None
-    stamps: TimestampErrors | None = None
-    lines: LineDelays | None = None
+    clock_skews: ClockSkews | None = None
+    timestamp_errors: TimestampErrors | None = None
+    line_delays: LineDelays | None = None
 
-    def moved(self, observations: Observations, state: BundleState) -> Iteration:
+    def with_state(self, observations: Observations, state: BundleState) -> Iteration:
         """The same persons after one more adjustment of the same images."""
         before = replace(self.rig, offset_s=self.rig.offset_s - self.state.shift_s)
         errors = errors_px(observations, state)
@@ -151,7 +149,7 @@ class Iteration:
         errors = errors_px(self.observations, self.state)
         good = self.observations.seen & np.isfinite(errors)
         value = (1.0 / (1.0 + (errors[good] / scale_px) ** 2)).sum()
-        n_points = (self.state.used.sum(1) >= 2).sum()
+        n_points = self.state.triangulated().sum()
         return float((value - 1.5 * n_points) * self.coverage)
 
     def differing(self, other: Iteration, tolerance_s: float) -> int:

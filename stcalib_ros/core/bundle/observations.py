@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.parameters import PointTimes
 from stcalib_ros.core.integration.association import Association
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
@@ -46,6 +47,8 @@ class Observations:
         seen. None where all shutters take all rows at once.
     line_s : (C,) ndarray or None
         Line times of the shutters, seconds per row.
+    middle_s : float
+        Time at which clocks with a skew have the offsets of the rig.
     """
 
     person: IntArray
@@ -59,6 +62,16 @@ class Observations:
     step_s: float
     row: Float64Array | None = None
     line_s: Float64Array | None = None
+    middle_s: float = 0.0
+
+    def since_middle(self, rows: slice | IntArray = slice(None)) -> Float64Array:
+        """Time (n,) of rows after the middle of the recording, s."""
+        return np.asarray(self.start_s + self.knot[rows] * self.step_s - self.middle_s)
+
+    def point_times(self, rows: slice | IntArray = slice(None)) -> PointTimes:
+        """What the delays of the points of rows depend on: (n, 1, 1) and (n, C, J)."""
+        row = np.zeros((1, 1, 1)) if self.row is None else self.row[rows]
+        return PointTimes(self.since_middle(rows)[:, None, None], row)
 
     def elapsed(self, rows: slice | IntArray = slice(None)) -> Float64Array:
         """Time of the points after their knots by the offsets of the rig, seconds.
@@ -119,10 +132,13 @@ def observe(
         phi[there, c], track[there, c] = images.phi[image], images.track[image]
         if row is not None and images.rows is not None:
             row[there, c] = np.where(known, images.rows[image], 0.0)
+    person, knot = rows // n_knots, rows % n_knots
+    middle = 0.5 * float(knot.min() + knot.max()) * step_s if N else 0.0
     return Observations(
-        *(rows // n_knots, rows % n_knots, track, phi, x, focal, seen),
+        *(person, knot, track, phi, x, focal, seen),
         *(association.start_s, step_s, row),
         np.array([m.shutter.line_time_s for m in members]) if rolling else None,
+        association.start_s + middle,
     )
 
 

@@ -33,7 +33,7 @@ def drop_outliers(o: Observations, state: BundleState, b: BundleOptions) -> Bund
     if not inside.any():
         return replace(state, used=inside)
     used = inside & (errors < outlier_limit_px(errors, state.used, b))
-    return replace(state, used=used & (used.sum(1) >= 2)[:, None])
+    return state.with_inliers(used)
 
 
 def outlier_limit_px(errors: Float64Array, used: BoolArray, b: BundleOptions) -> float:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from stcalib_ros.core.bundle.observations import Observations, blocks_of
+from stcalib_ros.core.bundle.parameters import Cameras, CameraUnknown, ParameterLayout
 from stcalib_ros.core.geometry.local_polynomial import local_motion, smooth_motion
-from stcalib_ros.core.geometry.triangulation import triangulate
+from stcalib_ros.core.geometry.triangulation import triangulate, unit_rays
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.rig import Rig
 
@@ -39,6 +40,8 @@ class BundleState:
         Observations that take part.
     synchronised : bool
         The clocks are known to agree: `shift_s` is zero and no unknown.
+    further : mapping of CameraUnknown to (C,) ndarray
+        Values of further unknowns of the cameras; 0 where missing.
     """
 
     R_cam_ref: Float64Array
@@ -49,11 +52,50 @@ class BundleState:
     A: Float64Array
     used: BoolArray
     synchronised: bool = False
+    further: Mapping[CameraUnknown, Float64Array] = field(default_factory=dict)
+
+    @property
+    def cameras(self) -> Cameras:
+        """The cameras alone."""
+        return Cameras(self.R_cam_ref, self.t_cam_ref, self.shift_s, self.further)
+
+    @property
+    def layout(self) -> ParameterLayout:
+        """Layout of poses and time offsets alone."""
+        return ParameterLayout(len(self.t_cam_ref), self.synchronised)
+
+    def triangulated(self) -> BoolArray:
+        """Points (N, J) that two cameras or more determine."""
+        return triangulated(self.used)
+
+    def with_inliers(self, used: BoolArray) -> BundleState:
+        """The same with other inliers (N, C, J), but for points that one camera has alone."""
+        return replace(self, used=used & triangulated(used)[:, None])
+
+    def with_cameras(self, cameras: Cameras) -> BundleState:
+        """The same with other cameras."""
+        return replace(
+            self,
+            R_cam_ref=cameras.R,
+            t_cam_ref=cameras.t,
+            shift_s=cameras.shift,
+            further=cameras.further,
+        )
+
+    def scaled(self, factor: float) -> BundleState:
+        """The state of a scene that is larger by a factor."""
+        names = ("t_cam_ref", "X", "V", "A")
+        return replace(self, **{name: getattr(self, name) * factor for name in names})
 
     def only(self, rows: IntArray | BoolArray) -> BundleState:
         """The same with some rows only."""
         names = ("X", "V", "A", "used")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+
+def triangulated(used: BoolArray) -> BoolArray:
+    """Points (N, J) with inliers (N, C, J) in two cameras or more."""
+    return np.asarray(used.sum(1) >= 2)
 
 
 def initial_state(o: Observations, rig: Rig) -> BundleState:
@@ -91,9 +133,7 @@ def _triangulated(
 
 def _rays(x: Float64Array, rig: Rig) -> Float64Array:
     """Unit rays (N, J, C, 3) of image points (N, C, J, 2) in the reference frame."""
-    b = np.concatenate([x, np.ones_like(x[..., :1])], -1)
-    b /= np.linalg.norm(b, axis=-1, keepdims=True)
-    turned = b @ np.swapaxes(rig.R_ref_cam, -1, -2)
+    turned = unit_rays(x) @ np.swapaxes(rig.R_ref_cam, -1, -2)
     return np.asarray(turned.transpose(0, 2, 1, 3))
 
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.model.calibration import CameraCalibration
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 
 MAX_READOUT_STDDEV_S = 8e-3
@@ -55,16 +54,6 @@ def shutter_of(camera: CameraRecording, *, from_first_row: bool) -> Shutter:
     known = known[np.isfinite(known)]
     middle = float(np.median(known)) if len(known) and not from_first_row else 0.0
     return Shutter(camera.line_time_s, middle, camera.intrinsics.height)
-
-
-def line_time_text(camera: CameraCalibration) -> str:
-    """Say how the shutter of a camera runs, after a comma; nothing where all rows are one."""
-    line_us, stddev_us = 1e6 * camera.line_time_s, 1e6 * camera.line_time_stddev_s
-    if not np.isfinite(stddev_us):
-        return f", {line_us:.2f} us per row" if line_us else ""
-    if camera.line_time_stddev_s * camera.intrinsics.height <= MAX_READOUT_STDDEV_S:
-        return f", {line_us:.2f} +- {stddev_us:.2f} us per row"
-    return f", {line_us:.2f} us per row (not told: +- {stddev_us:.1f})"
 
 
 def with_known_line_times(recording: Recording, line_times_s: Mapping[str, float]) -> Recording:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.bundle.covariance import PARAMETERS
+from stcalib_ros.core.bundle.covariance import OFFSET_ROW, PARAMETERS, POSE_ROWS, rows_of
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.residuals import errors_px
 from stcalib_ros.core.model.arrays import Float64Array
@@ -19,10 +19,13 @@ from stcalib_ros.core.model.calibration import (
 )
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Rejection
+from stcalib_ros.core.model.rejection_text import labelled, remark_sentence
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.output.world_frame import WorldAlignment
 from stcalib_ros.core.reconstruction.people import found_persons
 from stcalib_ros.core.validation.cross_view import pair_residuals
+from stcalib_ros.core.validation.verdict import Judgement
 
 
 def make_calibration(
@@ -33,8 +36,7 @@ def make_calibration(
     covariance: Float64Array,
     placement: WorldAlignment,
     *,
-    status: Status,
-    message: str,
+    judgement: Judgement,
     uncalibrated: Sequence[UncalibratedCamera],
     world_frame: str = "",
 ) -> Calibration:
@@ -51,8 +53,7 @@ def make_calibration(
         In the frame of the reference camera and the unit of the round.
     placement : WorldAlignment
         Where the result lies.
-    status : Status
-    message : str
+    judgement : Judgement
     uncalibrated : sequence of UncalibratedCamera
     world_frame : str
         Name of the frame of an upright placement.
@@ -60,10 +61,10 @@ def make_calibration(
     rig, o = last.rig, last.observations
     order = np.argsort(rig.cameras, kind="stable")
     covariance = placement.covariance_of(rig, covariance)
-    rows = np.add.outer(7 * order, range(7)).ravel()
+    rows = rows_of(order).ravel()
     covariance = covariance[np.ix_(rows, rows)]
     clocks = [_clock(last, int(c)) for c in order]
-    offsets = range(6, len(covariance), 7)
+    offsets = rows_of(np.arange(len(order)))[:, OFFSET_ROW]
     covariance[offsets, offsets] += [clock.added_variance for clock in clocks]
     errors = errors_px(o, last.state)
     inliers = errors[last.state.used & np.isfinite(errors)]
@@ -71,8 +72,10 @@ def make_calibration(
     epoch = recording.epoch_ns * 1e-9
     window = _window(cameras, last)
     return Calibration(
-        status=status,
-        message=message,
+        status=judgement.status,
+        message=_summary(judgement, uncalibrated, calibrated=len(names)),
+        rejections=judgement.rejections,
+        remarks=judgement.remarks,
         reference=recording.cameras[rig.cameras[0]].name,
         metric=placement.metric,
         epoch_s=epoch,
@@ -116,9 +119,9 @@ class _Clock:
 
 
 def _clock(last: Iteration, i: int) -> _Clock:
-    offset, rates = float(last.rig.offset_s[i]), last.clocks
-    if last.lines is not None:
-        offset += float(last.lines.first_row_s[i])
+    offset, rates = float(last.rig.offset_s[i]), last.clock_skews
+    if last.line_delays is not None:
+        offset += float(last.line_delays.first_row_s[i])
     if rates is None:
         return _Clock(offset)
     skew, stddev = float(rates.skew[i]), float(rates.stddev[i])
@@ -135,16 +138,16 @@ def _camera(
     block: Float64Array,
     clock: _Clock,
 ) -> CameraCalibration:
-    camera, lines = recording.cameras[last.rig.cameras[i]], last.lines
+    camera, lines = recording.cameras[last.rig.cameras[i]], last.line_delays
     return CameraCalibration(
         name=camera.name,
         frame_id=camera.frame_id,
         intrinsics=camera.intrinsics,
         R_ref_cam=placement.R @ last.rig.R_ref_cam[i],
         t_ref_cam=placement.to_result(last.rig.t_ref_cam[i]),
-        covariance=block[:6, :6],
+        covariance=block[POSE_ROWS, POSE_ROWS],
         time_offset_s=clock.offset_s,
-        time_offset_stddev_s=float(np.sqrt(max(block[6, 6], 0.0))),
+        time_offset_stddev_s=float(np.sqrt(max(block[OFFSET_ROW, OFFSET_ROW], 0.0))),
         clock_skew=clock.skew,
         clock_skew_stddev=clock.stddev,
         line_time_s=camera.line_time_s if lines is None else float(lines.line_s[i]),
@@ -154,18 +157,26 @@ def _camera(
 
 def failed_calibration(
     recording: Recording,
-    *,
     status: Status,
-    message: str,
-    uncalibrated: Sequence[UncalibratedCamera],
+    rejections: tuple[Rejection, ...],
+    uncalibrated: Sequence[UncalibratedCamera] = (),
 ) -> Calibration:
-    """A result that says why there is none."""
+    """Return a calibration without cameras, with the reasons.
+
+    Parameters
+    ----------
+    recording : Recording
+    status : Status
+    rejections : tuple of Rejection
+    uncalibrated : sequence of UncalibratedCamera
+    """
     stamps = [s for c in recording.cameras for s in (c.stamps[:1], c.stamps[-1:]) if len(s)]
     epoch = recording.epoch_ns * 1e-9
     times = np.concatenate(stamps) if stamps else np.zeros(1)
     return Calibration(
         status=status,
-        message=message,
+        message=_summary(Judgement(status, rejections), uncalibrated),
+        rejections=rejections,
         reference=recording.cameras[0].name if recording.cameras else "",
         metric=False,
         epoch_s=epoch,
@@ -178,3 +189,22 @@ def failed_calibration(
         n_observations=0,
         n_inliers=0,
     )
+
+
+def _summary(
+    judgement: Judgement, uncalibrated: Sequence[UncalibratedCamera], *, calibrated: int = 0
+) -> str:
+    """Return one line: what was found, or why not, and why cameras are missing.
+
+    Where a reason against the calibration as a whole comes first, those of single cameras follow
+    from it and would only make the line longer.
+    """
+    total = calibrated + len(uncalibrated)
+    good = judgement.status is Status.OK
+    parts = [f"{calibrated} of {total} cameras calibrated"] if good else []
+    parts += map(remark_sentence, judgement.remarks)
+    rejections = judgement.rejections
+    whole = not all(rejection.cameras for rejection in rejections[:1])
+    parts += [labelled(one) for one in rejections if not (whole and one.cameras)]
+    parts += [f"{camera.name}: {camera.reason}" for camera in uncalibrated]
+    return "; ".join(parts)

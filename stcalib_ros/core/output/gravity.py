@@ -10,15 +10,6 @@ import numpy as np
 from stcalib_ros.core.geometry.robust import RAYLEIGH_MEDIAN
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.keypoint_layouts import Layout
-from stcalib_ros.core.output.limits import (
-    LEAN_SCALE_RAD,
-    MAX_UP_STDDEV_RAD,
-    MIN_UP_STDDEV_RAD,
-    OWN_LEAN_RAD,
-    SOLE_STDDEV,
-    STEP_HEIGHT,
-    WIDEST_STEPS,
-)
 
 HEAD = ("head_top", "head", "nose", "left_ear", "right_ear")
 SHOULDERS = ("left_shoulder", "right_shoulder")
@@ -27,12 +18,20 @@ ANKLES = ("left_ankle", "right_ankle")
 _SOLES = ("heel", "toe", "foot")
 _LEG = (("hip", "knee"), ("knee", "ankle"))
 
+_LEAN_RAD = np.radians(10.0)
+"""Directions further than this from the others count less."""
+_OWN_LEAN_RAD = np.radians(6.0)
+"""How far people lean on average while they look the same way."""
+_LEAST_STDDEV_RAD = np.radians(0.3)
+_MOST_STDDEV_RAD = np.radians(15.0)
 _HEADINGS = 8
-"""Sectors of the horizon; every one in which somebody looks counts once. Numerical."""
+_STEP = 0.04
+"""Feet on the ground differ in height by about so much, in leg lengths."""
 _SOLE_HEIGHT = {True: 0.03, False: 0.10}
 """Height of the joint of a standing foot in leg lengths: of heels and toes, and of ankles."""
+_SOLE_STDDEV = 0.025
+_WIDEST_STEPS = 8.0
 _ITERATIONS = 20
-"""Steps of the robust mean and of the robust fit of the floor. Numerical: both have converged."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,10 +84,10 @@ def find_upright(
     if found is None or not leg > 0.0 or not len(feet):
         return None, "nobody is seen from feet to head"
     up, stddev = found
-    if stddev > MAX_UP_STDDEV_RAD:
+    if stddev > _MOST_STDDEV_RAD:
         return None, f"people are not upright, up is uncertain by {np.degrees(stddev):.0f} degrees"
     R_level = _level(up)
-    (a, b, c), covariance = _floor(feet @ R_level.T, stddev, STEP_HEIGHT * leg)
+    (a, b, c), covariance = _floor(feet @ R_level.T, stddev, _STEP * leg)
     normal = np.array([-a, -b, 1.0]) / np.sqrt(a * a + b * b + 1.0)
     R = _facing(_level(normal @ R_level))
     # Rotations about x and y of the level frame are b and -a; the same axes after turning.
@@ -96,7 +95,7 @@ def find_upright(
     J = np.zeros((3, 3))
     J[:2, 0], J[:2, 1], J[2, 2] = -to_world[:, 1], to_world[:, 0], -1.0
     covariance = J @ covariance @ J.T
-    covariance[2, 2] += (SOLE_STDDEV * leg) ** 2
+    covariance[2, 2] += (_SOLE_STDDEV * leg) ** 2
     return GravityFrame(R, float(_SOLE_HEIGHT[is_sole] * leg - c * normal[2]), covariance), ""
 
 
@@ -118,8 +117,8 @@ def body_up(
     sector = np.floor(heading / (2 * np.pi) * _HEADINGS)
     cells = [_mean_direction(ups[sector == k])[0] for k in np.unique(sector)]
     up, spread = _mean_direction(np.array(cells))
-    own = OWN_LEAN_RAD / np.sqrt(len(cells))
-    return up, float(np.sqrt(spread**2 + own**2 + MIN_UP_STDDEV_RAD**2))
+    own = _OWN_LEAN_RAD / np.sqrt(len(cells))
+    return up, float(np.sqrt(spread**2 + own**2 + _LEAST_STDDEV_RAD**2))
 
 
 def leg_length(layout: Layout, joints: Float64Array) -> float:
@@ -174,7 +173,7 @@ def _mean_direction(directions: Float64Array) -> tuple[Float64Array, float]:
     for _ in range(_ITERATIONS):
         mean = mean / max(float(np.linalg.norm(mean)), 1e-9)
         away = np.arccos(np.clip(directions @ mean, -1.0, 1.0))
-        weight = 1.0 / (1.0 + (away / LEAN_SCALE_RAD) ** 2)
+        weight = 1.0 / (1.0 + (away / _LEAN_RAD) ** 2)
         mean = weight @ directions
     mean = mean / max(float(np.linalg.norm(mean)), 1e-9)
     return mean, float(np.median(away) / RAYLEIGH_MEDIAN / np.sqrt(len(away)))
@@ -217,7 +216,7 @@ def _floor(
     """
     prior = np.diag([tilt_stddev**-2, tilt_stddev**-2, 0.0])
     plane = np.array([0.0, 0.0, np.nanpercentile(np.nanmin(feet[..., 2], axis=1), 20)])
-    for scale in step * np.geomspace(WIDEST_STEPS, 1.0, _ITERATIONS):
+    for scale in step * np.geomspace(_WIDEST_STEPS, 1.0, _ITERATIONS):
         above = feet[..., 2] - feet[..., :2] @ plane[:2] - plane[2]
         low = feet[np.arange(len(feet)), np.nanargmin(above, axis=1)]
         residual = np.nanmin(above, axis=1)

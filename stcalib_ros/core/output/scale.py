@@ -7,20 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.bundle.covariance import CENTRE_ROWS, largest_stddev, rows_of
+from stcalib_ros.core.bundle.parameters import propagate
 from stcalib_ros.core.geometry.lens import bearings
-from stcalib_ros.core.geometry.triangulation import triangulate
+from stcalib_ros.core.geometry.triangulation import triangulate, unit_rays
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.scale_cues import Distance
 from stcalib_ros.core.output.gravity import leg_length
-from stcalib_ros.core.output.limits import (
-    LEG_RATIO,
-    LEG_RATIO_STDDEV,
-    MAX_RAY_MISS,
-    MAX_SCALE_CONFLICT,
-)
+
+LEG_SHARE = 0.491
+"""Thigh and shank over body height (Drillis and Contini, 1966)."""
+_LEG_SHARE_STDDEV = 0.04
+"""Of its logarithm: proportions of people, and where layouts put hips and ankles."""
+_CONFLICT = 4.0
+"""Standard deviations of the difference beyond which two sources contradict each other."""
+_MISS = 0.05
+"""Lines of sight to one point that pass each other by more of the distance are wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +72,7 @@ def fuse(claims: Sequence[ScaleCue]) -> Scale | None:
     for i, one in enumerate(claims):
         for other in claims[:i]:
             apart = abs(np.log(one.metres / other.metres))
-            if apart > MAX_SCALE_CONFLICT * np.hypot(one.stddev, other.stddev):
+            if apart > _CONFLICT * np.hypot(one.stddev, other.stddev):
                 raise InconsistentScale(
                     f"{other.source} and {one.source} contradict each other: lengths by the one "
                     f"are {other.metres / one.metres:.2f} times those by the other"
@@ -93,10 +98,10 @@ def by_height(
     legs = [leg for joints in people if np.isfinite(leg := leg_length(layout, joints))]
     if not legs:
         return None
-    height = float(np.mean(legs)) / LEG_RATIO
+    height = float(np.mean(legs)) / LEG_SHARE
     own = sigma_m / height_m / np.sqrt(len(legs))
     return ScaleCue(
-        "scale.body_height_m", height_m / height, float(np.hypot(own, LEG_RATIO_STDDEV))
+        "scale.body_height_m", height_m / height, float(np.hypot(own, _LEG_SHARE_STDDEV))
     )
 
 
@@ -144,9 +149,9 @@ def _apart(rig: Rig, i: int, j: int, covariance: Float64Array) -> tuple[float, f
     line = rig.t_ref_cam[j] - rig.t_ref_cam[i]
     length = float(np.linalg.norm(line))
     gradient = np.zeros(len(covariance))
-    gradient[7 * j : 7 * j + 3] = line / max(length, 1e-12)
-    gradient[7 * i : 7 * i + 3] = -line / max(length, 1e-12)
-    return length, float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0)))
+    gradient[rows_of(j)[CENTRE_ROWS]] = line / max(length, 1e-12)
+    gradient[rows_of(i)[CENTRE_ROWS]] = -line / max(length, 1e-12)
+    return length, largest_stddev(propagate(gradient[None], covariance))
 
 
 def _ends(
@@ -163,15 +168,13 @@ def _ends(
         ],
         axis=1,
     )
-    b = np.concatenate([b, np.ones_like(b[..., :1])], -1)
-    rays = np.einsum("cij,ncj->nci", rig.R_ref_cam[rows], b)
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    rays = np.einsum("cij,ncj->nci", rig.R_ref_cam[rows], unit_rays(b))
     centres = np.broadcast_to(rig.t_ref_cam[rows], rays.shape)
     ends, good = triangulate(centres, rays, np.ones(rays.shape[:2]))
     line = ends[:, None] - centres
     along = (line * rays).sum(-1, keepdims=True)
     missed = np.linalg.norm(line - along * rays, axis=-1) / np.maximum(along[..., 0], 1e-9)
-    if not (good.all() and (missed < MAX_RAY_MISS).all()):
+    if not (good.all() and (missed < _MISS).all()):
         names = ", ".join(points)
         raise InconsistentScale(
             f"scale.distances: the points given for {names} do not meet: check their pixels"

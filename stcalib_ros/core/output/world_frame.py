@@ -8,11 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
+from stcalib_ros.core.bundle.covariance import (
+    CENTRE_ROWS,
+    PARAMETERS,
+    ROTATION_ROWS,
+    with_known_distance,
+)
+from stcalib_ros.core.bundle.gauge import spread
 from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.limits import MIN_UNIT_BASELINE
+from stcalib_ros.core.bundle.parameters import propagate
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options
@@ -45,15 +55,15 @@ class WorldAlignment:
         Of a metre, as a share; NaN if not metric.
     upright : GravityFrame or None
         Frame of the result, in the unit of the adjustment; None: that of the reference camera.
-    complaint : str
-        Why the result is not to be used; empty if it is.
+    rejection : Rejection, optional
+        Why the result is not to be used.
     """
 
     unit: float
     metric: bool = False
     scale_stddev: float = float("nan")
     upright: GravityFrame | None = None
-    complaint: str = ""
+    rejection: Rejection | None = None
 
     @property
     def R(self) -> Float64Array:
@@ -69,7 +79,8 @@ class WorldAlignment:
         """Joint covariance (7 C, 7 C) in the frame and unit of the result.
 
         What is not known of the direction of up and of the floor moves all cameras together, and
-        the reference camera, too. The unit counts as known.
+        the reference camera, too. The unit counts as known, and so does the distance between the
+        first two cameras.
 
         Parameters
         ----------
@@ -79,7 +90,9 @@ class WorldAlignment:
         """
         C = len(rig.cameras)
         G = block_diag(*[self.unit * self.R, self.R, np.eye(1)] * C)
-        moved = G @ covariance @ G.T
+        first, second = first_two(rig)
+        known = with_known_distance(covariance, rig.t_ref_cam, first, second)
+        moved = propagate(G, known)
         if self.upright is None:
             return np.asarray(moved)
         J = np.concatenate([self._common_motion(t) for t in rig.t_ref_cam])
@@ -90,10 +103,10 @@ class WorldAlignment:
         forward = self.R[:, 2]
         # The reference camera goes on looking along x: tilt about x turns about z, too.
         turn = np.array([[1.0, 0.0], [0.0, 1.0], [forward[2] / max(forward[0], 1e-3), 0.0]])
-        J = np.zeros((7, 3))
-        J[:3, :2] = -self.unit * hat(self.R @ t_ref_cam) @ turn
-        J[2, 2] = self.unit
-        J[3:6, :2] = turn
+        J = np.zeros((len(PARAMETERS), 3))
+        J[CENTRE_ROWS, :2] = -self.unit * hat(self.R @ t_ref_cam) @ turn
+        J[CENTRE_ROWS.start + 2, 2] = self.unit
+        J[ROTATION_ROWS, :2] = turn
         return J
 
 
@@ -119,26 +132,37 @@ def place(
     options : Options
     """
     people = tuple(joint_paths(last))
-    complaint, scale = "", None
+    rejection, scale = None, None
     try:
         scale = _scale(recording, cameras, skeleton, last, covariance, people, options)
     except InconsistentScale as why:
-        complaint = str(why)
+        rejection = Rejection(RejectionReason.INCONSISTENT_SCALE, detail=str(why))
     upright = None
     if options.world_frame:
         block = max(1, round(_BLOCK_S / last.observations.step_s))
         upright, why_not = find_upright(skeleton.layout, people, block=block)
         if upright is None:
-            complaint = complaint or f"world_frame: {why_not}; leave it empty, or have people walk"
+            rejection = rejection or Rejection(RejectionReason.NO_VERTICAL, detail=why_not)
     if scale is None:
-        return WorldAlignment(baseline_unit(last.rig), upright=upright, complaint=complaint)
-    return WorldAlignment(scale.metres, True, scale.stddev, upright, complaint)
+        return WorldAlignment(baseline_unit(last.rig), upright=upright, rejection=rejection)
+    return WorldAlignment(scale.metres, True, scale.stddev, upright, rejection)
 
 
 def baseline_unit(rig: Rig) -> float:
-    """Factor that makes the distance between the first two cameras 1."""
-    first, second = np.argsort(rig.cameras, kind="stable")[:2]
-    return 1.0 / float(np.linalg.norm(rig.t_ref_cam[second] - rig.t_ref_cam[first]))
+    """Factor that makes the distance between the first two cameras 1.
+
+    Where they are practically at one place: the spread of all cameras.
+    """
+    first, second = first_two(rig)
+    length = float(np.linalg.norm(rig.t_ref_cam[second] - rig.t_ref_cam[first]))
+    all_of_them = spread(rig.t_ref_cam)
+    return 1.0 / (length if length >= MIN_UNIT_BASELINE * all_of_them else all_of_them)
+
+
+def first_two(rig: Rig) -> tuple[int, int]:
+    """Positions in the rig of its first two cameras in the order of the recording."""
+    first, second = np.argsort(rig.cameras, kind="stable")[:2].tolist()
+    return first, second
 
 
 def _scale(

@@ -17,11 +17,10 @@ import numpy as np
 
 from stcalib_ros.core.geometry.alignment import best_rotation
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
-from stcalib_ros.core.paper.limits import EM_CONVERGED
 from stcalib_ros.core.paper.vmf import VonMisesFisher, log_normaliser
 
 _MAX_ITERATIONS = 40
-"""Alternations, at most. Numerical: bounds the cost of starts that converge slowly."""
+_CONVERGED = 1e-6
 _LEAST_PI = 1e-12
 """Keeps a person in the mixture whom nobody resembles at a poor first rotation."""
 
@@ -121,7 +120,7 @@ def maximise(evidence: Evidence, R: Float64Array) -> Mixture:
         pi = mixing_proportions(gamma)
         S = gamma.reshape(L, K, -1) @ flat
         before, R = R, best_rotation(S.reshape(L, K, 3, 3))
-        if np.abs(R - before).max() < EM_CONVERGED:
+        if np.abs(R - before).max() < _CONVERGED:
             break
     gamma, log_likelihood = responsibilities(evidence, R, pi)
     return Mixture(R, gamma, log_likelihood)

@@ -15,12 +15,11 @@ from stcalib_ros.core.geometry.se3 import adjoint, exp_se3, inverse, log_se3, ri
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
-from stcalib_ros.core.paper.limits import POSE_GRAPH_CONVERGED
 
 _STDDEV = np.repeat([0.3, 0.06], 3)
 """Metres and rad by which the registration of a pair is off; the same for all pairs."""
 _MAX_ITERATIONS = 30
-"""Gauss-Newton steps, at most. Numerical: it converges in far fewer."""
+_CONVERGED = 1e-10
 
 
 def optimise(
@@ -100,7 +99,7 @@ def optimise_poses(a: IntArray, b: IntArray, T_a_b: Float64Array, T: Float64Arra
         if gain <= 0:
             break
         T, cost = trial, cost - gain
-        if np.abs(step).max() < POSE_GRAPH_CONVERGED:
+        if np.abs(step).max() < _CONVERGED:
             break
     return T
 

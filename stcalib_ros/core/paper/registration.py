@@ -18,7 +18,6 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.options import VmfOptions
 from stcalib_ros.core.paper.em import Evidence, gather_evidence, maximise
-from stcalib_ros.core.paper.limits import MIN_BASELINE_M, MIN_OUTLIER_RAD, MIN_POINTS, OUTLIER_RATIO
 from stcalib_ros.core.paper.matching import match, mean_angles
 from stcalib_ros.core.paper.oriented import OrientedPoints, samples_of, take
 from stcalib_ros.core.paper.translation import translation_direction
@@ -27,11 +26,12 @@ from stcalib_ros.core.paper.vmf import VonMisesFisher, fit
 _BLOCK = 4_000_000
 """Numbers that one array of a block of offsets may have."""
 _MAX_SUBSETS = 30
-"""Subsets of RANSAC, at most; of more, a random choice. Numerical: bounds the cost."""
 _FINALISTS = 24
-"""Hypotheses (subset, offset) whose matching is solved exactly. Numerical: bounds the cost."""
 _REFITS = 2
-"""Times that rotations are fitted to matches and persons matched again. Numerical."""
+_OUTLIER_FACTOR = 2.0
+_LEAST_LIMIT_RAD = 0.1
+_MIN_POINTS = 8
+_SHORTEST_M = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,7 +124,7 @@ class _Search:
             sources = hypothesised[which]
             R = self._refitted(R, lag, evidence, sources, limit)
             least = self._least_cost(R, lag, evidence, sources)
-            limit = min(limit, max(OUTLIER_RATIO * least, MIN_OUTLIER_RAD))
+            limit = min(limit, max(_OUTLIER_FACTOR * least, _LEAST_LIMIT_RAD))
             R = self._refitted(R, lag, evidence, np.ones_like(sources), limit)
         angles, A = self._associate(R, lag, limit)
         each = np.where(A.any(-1), np.where(A, angles, 0.0).sum(-1), limit)
@@ -264,14 +264,14 @@ class _Search:
         here, p, q = here[inside], p[inside], q[inside]
         x_a, x_b = self.target.x[p, here], self.source.x[q, here + lag]
         both = np.isfinite(x_a + x_b).all(-1)
-        if both.sum() < MIN_POINTS:
+        if both.sum() < _MIN_POINTS:
             return np.zeros(3)
         one = np.ones((int(both.sum()), 1))
         t = translation_direction(R, np.hstack([x_a[both], one]), np.hstack([x_b[both], one]))
         apart = self.target.body[p, here] - self.source.body[q, here + lag] @ R.T
         along = apart[np.isfinite(apart).all(-1)] @ t
         length = abs(float(np.median(along))) if len(along) else 1.0
-        return t * max(length, MIN_BASELINE_M)
+        return t * max(length, _SHORTEST_M)
 
 
 def source_model(

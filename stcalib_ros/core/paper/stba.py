@@ -26,7 +26,8 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.options import BundleOptions
-from stcalib_ros.core.paper.limits import STBA_TOLERANCE
+
+_TOLERANCE = 0.05
 
 
 def adjust_rounds(
@@ -72,7 +73,7 @@ def adjust_rounds(
         tick(len(rounds) / o.rounds)
         if len(groups := connected(state.used, total)) > 1:
             return Disconnected(tuple(groups))
-        state = adjust(observations, state, iterations=o.max_iterations, tolerance=STBA_TOLERANCE)
+        state = adjust(observations, state, iterations=o.max_iterations, tolerance=_TOLERANCE)
         rounds.append(finish_iteration(rig, association, observations, state, total))
         before = state.used
         association, observations = discard(rounds[-1], o.outlier_factor)
@@ -85,7 +86,7 @@ def adjust_rounds(
 def initial_state(o: Observations, rig: Rig, window: int) -> BundleState:
     """Triangulated joints with one velocity per window and no acceleration."""
     state = bundle_initial_state(o, rig)
-    V = window_velocities(o, state.X, state.used.sum(1) >= 2, window)
+    V = window_velocities(o, state.X, state.triangulated(), window)
     return replace(state, V=V, A=np.zeros_like(V))
 
 

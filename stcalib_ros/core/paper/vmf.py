@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.paper.limits import MIN_SAMPLES
 
 _MAX_KAPPA = 1e4
 """Half a degree: five frames that agree better by chance say no more."""
 _NEWTON_STEPS = 4
-"""Newton steps on the concentration, from a close approximation. Numerical."""
+_MIN_SAMPLES = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +68,7 @@ def fit(resultant: Float64Array, count: Float64Array) -> VonMisesFisher:
         How many each sum has; with fewer than two nothing is known.
     """
     length = np.linalg.norm(resultant, axis=-1)
-    known = (count >= MIN_SAMPLES) & (length > 0)
+    known = (count >= _MIN_SAMPLES) & (length > 0)
     mean = np.where(known, length / np.maximum(count, 1.0), 0.0)
     mean = np.minimum(mean, mean_resultant_length(np.array(_MAX_KAPPA)))
     kappa = mean * (3.0 - mean**2) / (1.0 - mean**2)

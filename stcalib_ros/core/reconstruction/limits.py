@@ -1,61 +1,46 @@
-"""Limits of resection and of the reconstruction of people, with their origin."""
+"""What the reconstruction of people and the resection of cameras decide by."""
 
 from __future__ import annotations
 
-LOOSE_VOTE_THRESHOLD = 0.5
-"""Cosine-like agreement of bones after rotation. For cameras whose 3D poses are too poor to agree
-better: what fits is up to the keypoints afterwards. Chosen on the hard scenes of
-benchmarks.accuracy.level; not verified on real recordings."""
-
-RESECTION_SCALE_PX = 12.0
-"""Pixels. Least scale of the robust loss, and the error at which a keypoint counts half as
-explained. As `outlier_floor_px` of the bundle adjustment by default. Chosen on the hard scenes of
-benchmarks.accuracy.level; not verified on real recordings."""
-
-MIN_GAIN = 0.002
-"""Fraction of the keypoints. Gauss-Newton has converged when a step explains less than this in
-addition. Chosen on the hard scenes of benchmarks.accuracy.level; not verified on real
-recordings."""
-
-MAX_TURN = 0.2
-"""rad per step. Longer rotations are cut, so that the linearization holds. Chosen."""
-
-MAX_SHIFT_FRAMES = 2.0
-"""Frames per step. Longer changes of the time offset are cut: velocities hold for about so long.
-Chosen."""
-
-OTHER_ROTATION = 0.1
-"""rad. Two resections of a camera that differ by more in rotation are two solutions. Chosen on the
-hard scenes of benchmarks.accuracy.level; not verified on real recordings."""
-
-OTHER_POSITION = 0.3
-"""Units of the adjustment, about metres. As `OTHER_ROTATION`, for the centre. Chosen on the hard
-scenes of benchmarks.accuracy.level; not verified on real recordings."""
-
-OTHER_OFFSET_FRAMES = 3.0
-"""Frames. As `OTHER_ROTATION`, for the time offset. Chosen on the hard scenes of
-benchmarks.accuracy.level; not verified on real recordings."""
-
-RIVAL_RATIO = 0.8
-"""Ratio of explained keypoints. A camera stays out if another solution explains more than this part
-of what the best one does. Chosen on the hard scenes of benchmarks.accuracy.level; not verified on
-real recordings."""
-
-MIN_EXPLAINED = 0.3
-"""Fraction of the keypoints of the camera. A resection that explains less is refused; the final
-checks ask for more. Chosen on the hard scenes of benchmarks.accuracy.level; not verified on real
-recordings."""
-
 MIN_TRACK_FRACTION = 0.25
-"""Fraction of the associated slots of a track. With less the track is not listed for the person:
-trackers exchange ids, so that a track may show several. Chosen on simulated scenes of
-benchmarks.accuracy.level; not verified on real recordings."""
+"""Fraction of a track's time. A track is listed with a person if it shows this person for so long;
+a track whose id was exchanged is listed with all whom it shows. Chosen on simulated scenes of
+benchmarks.accuracy.level (their truth uses 0.2); not verified on real recordings."""
 
 MAX_PEOPLE = 24
-"""Count. A camera is registered against the people who are observed longest, so many at most:
-bounds the cost where ids are fragmented. Chosen."""
+"""Persons, count, those observed longest. More are not needed to find a camera or to detect
+ambiguous motion, and the cost of registration is quadratic in it. Cost alone."""
 
-PERSON_SCALE_PX = 4.0 * RESECTION_SCALE_PX
-"""Pixels. Error at which a keypoint counts half when persons are chosen: wider than in the fit,
-since the pose is not yet known. Chosen on the hard scenes of benchmarks.accuracy.level; not
+MIN_LOOSE_COSINE = 0.5
+"""Mean cosine of the angle between bone directions from which on a rotation is tried at all, beside
+those that registration accepts: poor monocular poses agree no better than to 60 degrees, and the
+keypoints decide afterwards. Chosen on the scenes with poor poses of benchmarks.accuracy.level."""
+
+MIN_FIT = 0.3
+"""Fraction of a camera's keypoints that fit, each weighted by how well, below which resection has
+failed. Wrong poses explain less, since keypoints of people who are not there do not fit. Chosen on
+simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
+
+RIVAL_FIT_RATIO = 0.8
+"""Fraction of keypoints that fit with another solution over that of the best, above which the
+camera is ambiguous and stays out. Chosen on simulated scenes of benchmarks.accuracy.level; not
 verified on real recordings."""
+
+DIFFERENT_ROTATION_RAD = 0.1
+"""Radians. Solutions further from each other are different ones, not two results of one
+optimization; ten times the error of a converged resection (0.01 rad on simulated scenes)."""
+
+DIFFERENT_POSITION = 0.3
+"""Units of the adjustment, which is about a metre after scaling by body size. As above, for the
+position of the camera."""
+
+DIFFERENT_OFFSET_FRAMES = 3.0
+"""Frames. As above, for the time offset: further than the range of convergence of a resection."""
+
+FIT_SCALE_PX = 12.0
+"""Pixels. Scale of the Cauchy weight by which keypoints count as fitting; four times the noise of a
+usual detector (3 px), so that its errors and biases do not matter and other people do."""
+
+PERSON_SCALE_RATIO = 4.0
+"""The same scale for the choice of persons, as a multiple: poses are still inexact then, and
+persons are further from each other than 48 px in most images."""

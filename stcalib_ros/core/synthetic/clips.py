@@ -12,11 +12,7 @@ from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.synthetic.skeleton import N_JOINTS, assemble, body_axes, bones_of
 
 _BLEND_S = 0.5
-"""Seconds over which the end of a clip fades into its beginning. Chosen; part of the simulator
-only."""
 _MAX_SPEED = 1.8
-"""m/s. Faster clips are slowed down, since the area is small. Chosen; part of the simulator
-only."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

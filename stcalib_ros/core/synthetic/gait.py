@@ -15,7 +15,6 @@ from stcalib_ros.core.synthetic.skeleton import (
 )
 
 _ANKLE_HEIGHT = 0.08
-"""Metres. Height of the ankle of a standing foot. Chosen; part of the simulator only."""
 _SIDES = (("left", 1.0), ("right", -1.0))
 
 

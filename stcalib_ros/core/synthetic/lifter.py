@@ -12,11 +12,7 @@ from stcalib_ros.core.synthetic.noise import smooth_noise
 from stcalib_ros.core.synthetic.skeleton import N_JOINTS, PARENTS
 
 _INHERITED = 0.8
-"""Fraction of the error of a joint that its child has as well. Chosen; part of the simulator
-only."""
 _PARTS = ((0.25, None), (0.5, 0.5), (0.25, 0.06))
-"""Fraction of the variance and correlation time (s) of joint errors. Chosen; part of the simulator
-only."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,6 @@ from scipy.ndimage import gaussian_filter1d
 from stcalib_ros.core.model.arrays import Float64Array
 
 _SAMPLES_PER_TAU = 4
-"""Samples of the grid per correlation time. Chosen; part of the simulator only."""
 
 
 def child_rng(rng: np.random.Generator) -> np.random.Generator:

@@ -21,12 +21,8 @@ from stcalib_ros.core.synthetic.shutter import joints_by_row
 from stcalib_ros.core.synthetic.skeleton import LAYOUT, MIRROR
 
 _FLIP_S = (0.05, 0.3)
-"""Seconds, range. Stretches with left and right exchanged. Chosen; part of the simulator only."""
 _BURST_S = (0.2, 0.8)
-"""Seconds, range. Short losses of a track. Chosen; part of the simulator only."""
-MIN_KEYPOINTS = 6
-"""Count. People with fewer keypoints in the image are not detected. Chosen; part of the
-simulator."""
+_MIN_KEYPOINTS = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,7 +171,7 @@ def _visible(
 ) -> BoolArray:
     """Who is detected when (T, P)."""
     n = keypoints.shape[1]
-    visible = np.isfinite(keypoints[..., 0]).sum(axis=-1) >= MIN_KEYPOINTS
+    visible = np.isfinite(keypoints[..., 0]).sum(axis=-1) >= _MIN_KEYPOINTS
     visible &= ~tracking.missing_stretches(child_rng(rng), times, n, options.missing)
     visible &= ~tracking.bursts(child_rng(rng), times, n, options.bursts_per_10s / 10, _BURST_S)
     if options.occlusions:

@@ -11,12 +11,14 @@ from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.noise import child_rng
-from stcalib_ros.core.synthetic.observe import MIN_KEYPOINTS, CameraObservation, Clock, make_tracks
+from stcalib_ros.core.synthetic.observe import CameraObservation, Clock, make_tracks
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.people import PersonMotion, make_people
 from stcalib_ros.core.synthetic.rigs import SceneRig, image_of
 from stcalib_ros.core.synthetic.scene import EPOCH_NS, Scene, make_rig, true_calibration
 from stcalib_ros.core.synthetic.skeleton import LAYOUT
+
+_MIN_KEYPOINTS = 6
 
 
 def paper_scene(
@@ -104,7 +106,7 @@ def _observe(
     metres = options.sigma_px * np.abs(truth[..., 2:]) / focal
     joints = truth + metres * rng.standard_normal(truth.shape)
     keypoints = image_of(joints, lens)
-    visible = np.isfinite(keypoints[..., 0]).sum(-1) >= MIN_KEYPOINTS
+    visible = np.isfinite(keypoints[..., 0]).sum(-1) >= _MIN_KEYPOINTS
     visible[:, list(hidden)] = False
     ids = np.where(visible, np.arange(len(people)), -1)
     scores = np.isfinite(keypoints[..., 0]).astype(float)

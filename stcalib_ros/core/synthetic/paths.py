@@ -10,14 +10,9 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.synthetic.noise import smooth_noise
 
 _PERSONAL_M = 0.9
-"""Metres that people keep between each other. Chosen; part of the simulator only."""
 _MAX_TURN = 2.5
-"""rad/s. Fastest turn of a walking person. Chosen; part of the simulator only."""
 _TURN_DELAY_S = 0.25
-"""Seconds in which a person follows the wish to turn. Chosen; part of the simulator only."""
 _SPEED_DELAY_S = 0.4
-"""Seconds in which a person follows the wish to change speed. Chosen; part of the simulator
-only."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,10 +16,7 @@ from stcalib_ros.core.synthetic.paths import GroundPaths, random_paths
 from stcalib_ros.core.synthetic.skeleton import N_JOINTS, individual_lengths
 
 _SAMPLES_PER_S = 60
-"""Samples per second of the paths of people. Chosen; part of the simulator only."""
 _LOCOMOTION_SHARE = 0.4
-"""Fraction of the people who walk or run where clips are given. Chosen; part of the simulator
-only."""
 
 PEOPLE = ("mocap", "procedural", "standing", "gesturing", "alike")
 """Kinds of motion there are."""

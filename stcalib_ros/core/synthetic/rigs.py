@@ -12,11 +12,7 @@ from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 
 _HIP_HEIGHT = 0.95
-"""Metres. Height of the point that the cameras of a ring look at. Chosen; part of the simulator
-only."""
 _NEAR = 0.05
-"""Metres. Points closer to the plane of the camera have no image. Chosen; part of the simulator
-only."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

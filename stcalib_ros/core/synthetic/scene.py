@@ -24,9 +24,7 @@ from stcalib_ros.core.synthetic.people import PersonMotion, make_people
 from stcalib_ros.core.synthetic.rigs import SceneRig, ring_rig, staged
 
 EPOCH_NS = 1_760_000_000 * 10**9
-"""Unix time of the start of every scene, nanoseconds. Chosen; part of the simulator only."""
 _OWNER_SHARE = 0.2
-"""Fraction of a track from which on it belongs to a person. Chosen; part of the simulator only."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,12 +7,8 @@ import numpy as np
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 
 _GAP_S = 2.0
-"""Seconds. Mean length of a stretch without detections. Chosen; part of the simulator only."""
 _MEMORY_S = 0.5
-"""Seconds. Gap after which a tracker gives a new id. Chosen; part of the simulator only."""
 _COVERED = 0.8
-"""Fraction of a box. A person who is covered by more is not seen. Chosen; part of the simulator
-only."""
 
 
 def missing_stretches(

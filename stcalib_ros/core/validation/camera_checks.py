@@ -12,6 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.bundle.covariance import (
+    CENTRE_ROWS,
+    OFFSET_ROW,
+    ROTATION_ROWS,
+    largest_stddev,
+    rows_of,
+)
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.outliers import image_points
 from stcalib_ros.core.model.arrays import Float64Array
@@ -216,20 +223,16 @@ def check_cameras(
     doubled = has_lookalike_alternative(last)
     found = []
     for c in range(C):
-        block = covariance[7 * c : 7 * c + 7, 7 * c : 7 * c + 7]
-        worst = [
-            float(np.sqrt(max(np.linalg.eigvalsh(block[i : i + 3, i : i + 3])[-1], 0.0)))
-            for i in (0, 3)
-        ]
+        block = covariance[np.ix_(rows_of(c), rows_of(c))]
         found.append(
             CameraChecks(
                 inliers=int(used[c]),
                 inlier_share=float(inlier_share[c]),
                 explained=float(used[c] / max(int(total[c]), 1)),
                 shared_s=float(shared[c]) * frame_s,
-                rotation_stddev=worst[1],
-                centre_stddev=worst[0] / float(reach[c]),
-                offset_stddev_frames=float(np.sqrt(max(block[6, 6], 0.0))) / frame_s,
+                rotation_stddev=largest_stddev(block[ROTATION_ROWS, ROTATION_ROWS]),
+                centre_stddev=largest_stddev(block[CENTRE_ROWS, CENTRE_ROWS]) / float(reach[c]),
+                offset_stddev_frames=largest_stddev(block[OFFSET_ROW:, OFFSET_ROW:]) / frame_s,
                 bone_rotation=float(np.nanmin(turned[c], initial=np.inf)),
                 depth_ratio=float(depth[c]),
                 offset_contrast=float(contrast[c]) if asked and c else float("inf"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.state import triangulated
 from stcalib_ros.core.geometry.alignment import umeyama
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 
@@ -40,7 +41,7 @@ def _paths(last: Iteration) -> tuple[Float64Array, BoolArray]:
     _, p = np.unique(o.person[rows], return_inverse=True)
     k = np.searchsorted(knots, o.knot[rows])
     used = state.used[rows]
-    X = np.where((used.sum(1) >= 2)[..., None], state.X[rows], np.nan)
+    X = np.where(triangulated(used)[..., None], state.X[rows], np.nan)
     P, K = int(p.max(initial=-1)) + 1, len(knots)
     paths = np.full((P, K, *X.shape[1:]), np.nan)
     paths[p, k] = X

@@ -110,7 +110,7 @@ def on_a_line(last: Iteration) -> bool:
 
     The unit of a round is about a metre: people are as large as usual in it.
     """
-    known = last.state.used.sum(1) >= 2
+    known = last.state.triangulated()
     count = known.sum(1)
     rows = count > 0
     weight = known[rows, :, None] / count[rows, None, None]

@@ -8,7 +8,7 @@ import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.refinement.clock_skew import MAX_STDDEV as MAX_RATE_STDDEV
+from stcalib_ros.core.refinement.limits import MAX_SKEW_STDDEV
 from stcalib_ros.core.validation.camera_checks import (
     MAX_CENTRE_STDDEV,
     MAX_OFFSET_STDDEV_FRAMES,
@@ -85,14 +85,14 @@ def unobservable_clock_skews(last: Iteration) -> str:
 
     The deviation of a slope falls with the length to the power of one and a half.
     """
-    if last.clocks is None:
+    if last.clock_skews is None:
         return ""
-    untold = last.clocks.stddev[1:][last.clocks.skew[1:] == 0.0]
+    untold = last.clock_skews.stddev[1:][last.clock_skews.skew[1:] == 0.0]
     o = last.observations
     length_s = float(np.ptp(o.knot)) * o.step_s
     if not len(untold) or not np.isfinite(untold).all():
         return "" if not len(untold) else f"clock rates cannot be told from {length_s:.0f} s"
-    ppm, needed = 1e6 * float(untold.max()), 1e6 * MAX_RATE_STDDEV
+    ppm, needed = 1e6 * float(untold.max()), 1e6 * MAX_SKEW_STDDEV
     enough_s = length_s * (ppm / needed) ** (2.0 / 3.0)
     return (
         f"clock rates are left out: {length_s:.0f} s tell them to {ppm:.0f} ppm, {needed:.0f} are "

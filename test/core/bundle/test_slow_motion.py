@@ -26,9 +26,8 @@ def adjusted(rng, **motion):
     size = {"knots": 60, "joints": 10, "phi_frames": 0.0}
     p = problem(rng, sigma_px=3.0, offset_s=MOST_OF_A_FRAME, **size, **motion)
     start = replace(p.truth, shift_s=np.zeros(3))
-    start = replace(
-        start, **dict(zip("VA", estimate_motion(p.o, p.truth.X, p.o.seen.any(1)), strict=True))
-    )
+    V, A = estimate_motion(p.o, p.truth.X, p.o.seen.any(1))
+    start = replace(start, V=V, A=A)
     state = adjust(p.o, start, iterations=30, tolerance=0.01, renew_velocities=True)
     return p, state
 

@@ -13,6 +13,7 @@ from scipy.linalg import null_space
 from scipy.stats import chi, chi2
 
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
+from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
 from stcalib_ros.core.evaluation.cramer_rao import (
     CramerRaoBound,
     TrueViews,
@@ -61,7 +62,7 @@ def published(views, d):
     R = np.swapaxes(moved(views, d).R_cam_ref, 1, 2)
     centre = -np.einsum("cij,cj->ci", R, moved(views, d).t_cam_ref)
     turned = log_so3(R @ views.R_cam_ref)
-    unit = np.linalg.norm(views.t_cam_ref[1])
+    unit = np.linalg.norm(moved(views, d).t_cam_ref[1])
     return np.concatenate([centre / unit, turned, d[:, 6:]], -1).ravel()
 
 
@@ -82,7 +83,8 @@ def dense_floor(views, predicted, n_others, information=0.0, *, rates=False):
     held = [*range(7), 7 * C] + ([] if rates else list(range(7 * C + 1, 8 * C)))
     fixed = np.zeros((len(held) + 1, len(H)))
     fixed[range(len(held)), held] = 1.0
-    fixed[-1, 10:13] = views.t_cam_ref[1]
+    cameras = Cameras(views.R_cam_ref, views.t_cam_ref, np.zeros(C))
+    fixed[-1, : 7 * C] = ParameterLayout(C).scale_direction(cameras)
     free = null_space(fixed)
     P = free @ np.linalg.inv(free.T @ H @ free) @ free.T
     G = jacobian(lambda d: published(views, d.reshape(C, 7)), 7 * C)

@@ -7,14 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from core_helpers import HALF_SECOND, every
+from exclusion_helpers import left_out
 
 from stcalib_ros.core.bundle.covariance import PARAMETERS, pose_covariance
-from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
+from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Rejection
+from stcalib_ros.core.model.rejection import RejectionReason as R
+from stcalib_ros.core.model.rejection_text import labelled
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.output.assemble import failed_calibration, make_calibration
 from stcalib_ros.core.output.world_frame import place
 from stcalib_ros.core.pipeline import run_stages
+from stcalib_ros.core.validation.verdict import Judgement
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +74,7 @@ def made(stages, recording, **changes):
     return make_calibration(
         *parts,
         place(*parts, Options()),
-        **{"status": Status.OK, "message": "fine", "uncalibrated": ()} | changes,
+        **{"judgement": Judgement(Status.OK), "uncalibrated": ()} | changes,
     )
 
 
@@ -133,30 +138,29 @@ def test_counts_are_of_image_points(result, stages):
 
 
 def test_status_message_and_what_is_missing_are_handed_on(stages, small_scene):
-    left_out = (UncalibratedCamera("cam9", "it is upside down"),)
+    missing = (left_out("cam9", "it is upside down"),)
     calibration = made(
         stages,
         small_scene.recording,
-        status=Status.DEGENERATE,
-        message="not good",
-        uncalibrated=left_out,
+        judgement=Judgement(Status.DEGENERATE, (Rejection(R.UNSPECIFIED, detail="not good"),)),
+        uncalibrated=missing,
     )
     assert calibration.status is Status.DEGENERATE
-    assert calibration.message == "not good"
-    assert calibration.uncalibrated == left_out
+    assert calibration.message == "not good; cam9: it is upside down"
+    assert calibration.uncalibrated == missing
 
 
 def test_nothing_says_why_and_claims_nothing(small_scene):
-    left_out = (UncalibratedCamera("cam1", "it sleeps"),)
+    missing = (left_out("cam1", "it sleeps"),)
     calibration = failed_calibration(
         small_scene.recording,
         status=Status.INSUFFICIENT_DATA,
-        message="too little",
-        uncalibrated=left_out,
+        rejections=(Rejection(R.NO_MOTION),),
+        uncalibrated=missing,
     )
     assert calibration.status is Status.INSUFFICIENT_DATA
     assert calibration.cameras == calibration.persons == calibration.pairs == ()
-    assert calibration.uncalibrated == left_out
+    assert calibration.uncalibrated == missing
     assert calibration.n_inliers == 0
     stamps = np.concatenate([c.stamps for c in small_scene.recording.cameras])
     np.testing.assert_allclose(
@@ -166,9 +170,20 @@ def test_nothing_says_why_and_claims_nothing(small_scene):
     )
 
 
+def test_the_message_of_a_failure_of_the_whole_does_not_go_into_cameras(small_scene):
+    whole, camera = Rejection(R.RIVAL_SOLUTION), Rejection(R.LOOKALIKES, ("cam1",))
+    line = Rejection(R.COLLINEAR_MOTION)
+
+    def message(*rejections):
+        return failed_calibration(small_scene.recording, Status.DEGENERATE, rejections).message
+
+    assert message(camera, line) == f"{labelled(camera)}; {labelled(line)}"
+    assert message(whole, camera, line) == f"{labelled(whole)}; {labelled(line)}"
+
+
 def test_nothing_of_nothing():
     calibration = failed_calibration(
-        Recording(()), status=Status.CANCELLED, message="x", uncalibrated=()
+        Recording(()), status=Status.CANCELLED, rejections=(Rejection(R.CANCELLED, detail="x"),)
     )
     assert calibration.reference == ""
     assert calibration.window_s == (0.0, 0.0)

@@ -11,6 +11,7 @@ from core_helpers import HALF_SECOND, error, every
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.so3 import exp_so3, log_so3
 from stcalib_ros.core.model.calibration import Status
+from stcalib_ros.core.model.rejection import RejectionReason
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.scale_cues import Distance
 from stcalib_ros.core.options import ScaleOptions
@@ -75,7 +76,9 @@ def test_measurements_that_contradict_each_other_are_refused(plain):
     )
     stages = run_stages(plain, with_scale(distances=distances))
     assert stages.calibration.status is Status.DEGENERATE
-    assert "contradict each other" in stages.calibration.message
+    (inconsistent,) = stages.calibration.rejections
+    assert inconsistent.reason is RejectionReason.INCONSISTENT_SCALE
+    assert "contradict each other" in inconsistent.detail
     assert stages.calibration.cameras
 
 

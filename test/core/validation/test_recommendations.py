@@ -93,7 +93,7 @@ def test_shared_time_is_that_of_common_knots(last):
 
 def rates(last, ppm, skew=0.0):
     stddev = np.array([0.0, *1e-6 * np.array(ppm)])
-    return replace(last, clocks=ClockSkews(np.array([0.0, skew, 0.0]), stddev, 0.0))
+    return replace(last, clock_skews=ClockSkews(np.array([0.0, skew, 0.0]), stddev, 0.0))
 
 
 def test_why_clock_rates_are_left_out_is_said_with_the_number(last):
@@ -105,9 +105,9 @@ def test_why_clock_rates_are_left_out_is_said_with_the_number(last):
 
 def test_rates_that_are_told_or_not_asked_for_are_not_excused(last):
     assert unobservable_clock_skews(rates(last, (5.0, 5.0), skew=2e-6)) != ""
-    told = replace(last, clocks=ClockSkews(np.full(3, 2e-6), np.full(3, 4e-6), 0.0))
+    told = replace(last, clock_skews=ClockSkews(np.full(3, 2e-6), np.full(3, 4e-6), 0.0))
     assert unobservable_clock_skews(told) == ""
-    assert unobservable_clock_skews(replace(last, clocks=None)) == ""
+    assert unobservable_clock_skews(replace(last, clock_skews=None)) == ""
 
 
 def test_a_short_clip_says_it_in_its_message(small_stages):
