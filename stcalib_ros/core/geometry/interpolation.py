@@ -7,7 +7,8 @@ import numpy as np
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 
 _MAX_GAP = 2.6
-"""Samples further apart than this many periods are not bridged."""
+"""Frame periods. Longer gaps between samples are not bridged: one dropped frame is, with jitter.
+Derived: 2 periods and a margin for jitter of 0.45 frames."""
 
 
 def frame_period(stamps: Float64Array) -> float:

@@ -9,7 +9,13 @@ from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 
 _MAX_TANGENT = 6.0
-"""Bearings beyond about 80 degrees off the axis have no useful image on the plane z = 1."""
+"""Units of the plane z = 1. Bearings beyond, 80 degrees off the axis, have no useful image on it.
+Chosen."""
+_MAX_RESIDUAL_PX = 0.01
+"""Pixels. An inverse of the lens model that misses the keypoint by more has not converged.
+Numerical."""
+_NEWTON_STEPS = 3
+"""Newton steps on the lens model, from OpenCV's own inverse. Numerical: two are enough."""
 
 
 def project(points_cam: Float64Array, intrinsics: Intrinsics) -> Float64Array:
@@ -67,13 +73,15 @@ def _invert_lens(pixels: Float64Array, intrinsics: Intrinsics) -> tuple[Float64A
         focal = np.sqrt(abs(K[0, 0] * K[1, 1]))
         return rays[:, :2] / rays[:, 2:], np.full(len(pixels), focal)
     x = _first_inverse(pixels, intrinsics)
-    for _ in range(3):
+    for _ in range(_NEWTON_STEPS):
         image, J = _lens_jacobian(x, intrinsics)
         step = np.linalg.solve(J, (image - pixels)[..., None])[..., 0]
         x = np.where(np.isfinite(step), x - step, np.nan)
     image, J = _lens_jacobian(x, intrinsics)
     with np.errstate(invalid="ignore"):
-        good = (np.abs(image - pixels).max(-1) < 0.01) & (np.abs(x).max(-1) < _MAX_TANGENT)
+        good = (np.abs(image - pixels).max(-1) < _MAX_RESIDUAL_PX) & (
+            np.abs(x).max(-1) < _MAX_TANGENT
+        )
     x[~good] = np.nan
     return x, np.sqrt(np.abs(np.linalg.det(J)))
 

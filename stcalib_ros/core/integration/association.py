@@ -18,15 +18,23 @@ from scipy.optimize import linear_sum_assignment
 from stcalib_ros.core.geometry.epipolar import sampson
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.so3 import hat
+from stcalib_ros.core.integration.limits import (
+    BODY_WEIGHT,
+    MAX_BODY_DISTANCE,
+    MAX_COST,
+    MERGE_COST,
+    MIN_SHARED_KEYPOINTS,
+    TOLERANCE_FACTOR,
+)
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, time_span
 from stcalib_ros.core.model.rig import Rig
 
 SLOT_SAMPLES = 50
+"""Samples of the grid in a slot of time (1.7 s at 30 Hz), within which ids count as right. Chosen
+on simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
 _SAMPLES_PER_SLOT = 8
-_MAX_DISTANCE = 1.2
-_MIN_SHARED = 12
-_TOLERANCE_FACTOR = 3.0
+"""Samples at which pieces are compared in a slot. Numerical: bounds the cost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +111,7 @@ def associate(
     chain = Chain([len(s.x) for s in samples], len(slots))
     for s in range(len(slots)):
         chain.add(s, _agglomerate(samples, distance, s, tolerance))
-    typical = tolerance / _TOLERANCE_FACTOR
+    typical = tolerance / TOLERANCE_FACTOR
     margins = _margins(chain.person_of, distance, chain.n_persons)
     person_of = tuple(_in_slots(known, slots, n_slots) for known in chain.person_of)
     return Association(person_of, start, slot_s, chain.n_persons, typical, margins)
@@ -171,7 +179,8 @@ def _distance(a: _Samples, b: _Samples, R_a_b: Float64Array, t_a_b: Float64Array
         focal = np.sqrt(
             a.focal[here, s].reshape(*here.shape, -1) * b.focal[there, s].reshape(*there.shape, -1)
         )
-        epipolar[here, there, s] = _median(np.abs(sampson(E, x_a, x_b)) * focal, _MIN_SHARED)
+        errors = np.abs(sampson(E, x_a, x_b)) * focal
+        epipolar[here, there, s] = _median(errors, MIN_SHARED_KEYPOINTS)
         apart = np.linalg.norm(a.body[here, s] - b.body[there, s], axis=-1)
         body[here, there, s] = _median(apart, 1)
     return _Distance(epipolar, body)
@@ -192,12 +201,12 @@ def _tolerance(distance: dict[tuple[int, int], _Distance], floor_px: float) -> f
     for d in distance.values():
         if not d.epipolar.size:
             continue
-        gated = np.where(d.body < _MAX_DISTANCE, d.epipolar, np.inf)
+        gated = np.where(d.body < MAX_BODY_DISTANCE, d.epipolar, np.inf)
         mutual = (gated <= gated.min(0, keepdims=True)) & (gated <= gated.min(1, keepdims=True))
         nearest.append(gated[mutual & np.isfinite(gated)])
     values = np.concatenate(nearest) if nearest else np.zeros(0)
     typical = float(np.median(values)) if len(values) else 0.0
-    return max(floor_px, _TOLERANCE_FACTOR * typical)
+    return max(floor_px, TOLERANCE_FACTOR * typical)
 
 
 def _margins(
@@ -244,9 +253,10 @@ def _agglomerate(
                 apart[i, j] = apart[j, i] = together.any()
                 continue
             d = distance[a, b]
-            value = d.epipolar[p, q, s] / tolerance + 0.5 * (d.body[p, q, s] / _MAX_DISTANCE) ** 2
+            bodies = d.body[p, q, s] / MAX_BODY_DISTANCE
+            value = d.epipolar[p, q, s] / tolerance + BODY_WEIGHT * bodies**2
             if np.isfinite(value):
-                cost[i, j] = cost[j, i] = min(float(value), 10.0)
+                cost[i, j] = cost[j, i] = min(float(value), MAX_COST)
                 known[i, j] = known[j, i] = 1.0
     groups = _average_link(cost, known, apart)
     return [[(pieces[i][0], int(pieces[i][1])) for i in group] for group in groups]
@@ -259,7 +269,7 @@ def _average_link(cost: Float64Array, known: Float64Array, apart: BoolArray) -> 
     while len(groups) > 1:
         mean = np.where((known > 0) & ~apart, cost / np.maximum(known, 1.0), np.inf)
         i, j = sorted(np.unravel_index(int(mean.argmin()), mean.shape))
-        if mean[i, j] >= 1.0:
+        if mean[i, j] >= MERGE_COST:
             break
         groups[i] += groups.pop(j)
         for matrix in (cost, known):

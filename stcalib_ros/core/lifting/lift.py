@@ -15,22 +15,25 @@ import numpy as np
 from stcalib_ros.core.geometry.lens import bearings
 from stcalib_ros.core.geometry.so3 import exp_so3, hat
 from stcalib_ros.core.geometry.triangulation import unit_rays
+from stcalib_ros.core.lifting.limits import (
+    KEYPOINT_SCALE,
+    MAX_ROTATION,
+    MIN_JOINTS,
+    NEAREST_M,
+    ROTATION_PRIOR,
+)
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter, shutter_of
 from stcalib_ros.core.model.skeleton import Skeleton
 
-_CAUCHY = 0.02
-"""Scale of the robust loss on the plane z = 1: a joint error of 8 cm at 4 m."""
-_ROTATION_PRIOR = 0.003
-"""Weight of the squared rotation: one standard deviation of about ten degrees."""
-_MAX_ROTATION = 0.3
-_MIN_JOINTS = 6
-_NEAREST = 0.3
 _STEPS = 2
+"""Gauss-Newton steps by default. Numerical: the closed form is near, and the prior is strong."""
 _CROP_FRACTIONS = (0.0, 0.5, 1.0)
+"""Fractions of the crop rotation that are tried: known lifters do one of these."""
 _MAX_CROP_FRAMES = 300
+"""Frames by which the crop fraction is chosen, about. Numerical: bounds the cost."""
 
 
 def lift_recording(
@@ -149,9 +152,9 @@ def _misfit(Y: Float64Array, x: Float64Array, used: BoolArray, crop: float) -> f
     turned = _undo_crop(Y, x, used, crop)
     root, solved = _place(turned, x, used)
     X = turned + np.where(solved[:, None], root, [0.0, 0.0, 1.0])[:, None]
-    residual = X[..., :2] / np.maximum(X[..., 2:], _NEAREST) - x
+    residual = X[..., :2] / np.maximum(X[..., 2:], NEAREST_M) - x
     square = np.where(used, (residual**2).sum(-1), 0.0)
-    return float(np.log1p(square / _CAUCHY**2).sum())
+    return float(np.log1p(square / KEYPOINT_SCALE**2).sum())
 
 
 def _undo_crop(Y: Float64Array, x: Float64Array, used: BoolArray, crop: float) -> Float64Array:
@@ -168,7 +171,7 @@ def _centred(joints: Float64Array, x: Float64Array) -> tuple[Float64Array, Float
     """Poses about the middle of their joints, key points, and which can be used; else 0."""
     known = np.asarray(np.isfinite(joints).all(-1))
     used = np.asarray(known & np.isfinite(x).all(-1))
-    used &= used.sum(-1, keepdims=True) >= _MIN_JOINTS
+    used &= used.sum(-1, keepdims=True) >= MIN_JOINTS
     Y = np.where(known[..., None], joints, 0.0)
     centre = Y.sum(1, keepdims=True) / np.maximum(known.sum(-1), 1)[:, None, None]
     Y = np.where(known[..., None], Y - centre, 0.0)
@@ -209,7 +212,7 @@ def lift(
     root, solved = _place(Y, target, used)
     for _ in range(steps):
         Y, root = _turn(Y, root, target, used)
-    ahead = (Y[..., 2] + root[:, None, 2] > _NEAREST) | ~used
+    ahead = (Y[..., 2] + root[:, None, 2] > NEAREST_M) | ~used
     good = enough & solved & ahead.all(-1)
     return np.where((good[:, None] & known)[..., None], Y + root[:, None], np.nan)
 
@@ -221,7 +224,7 @@ def _place(Y: Float64Array, x: Float64Array, used: BoolArray) -> tuple[Float64Ar
     rhs = -np.einsum("fjab,fjb->fa", P, Y)
     good = np.linalg.det(A) > 1e-6
     root = np.linalg.solve(np.where(good[:, None, None], A, np.eye(3)), rhs[..., None])[..., 0]
-    return root, good & (root[:, 2] > _NEAREST)
+    return root, good & (root[:, 2] > NEAREST_M)
 
 
 def _turn(
@@ -229,9 +232,9 @@ def _turn(
 ) -> tuple[Float64Array, Float64Array]:
     """One Gauss-Newton step for the root and a small rotation of the pose about it."""
     X = Y + root[:, None]
-    depth = np.maximum(X[..., 2], _NEAREST)
+    depth = np.maximum(X[..., 2], NEAREST_M)
     residual = X[..., :2] / depth[..., None] - x
-    weight = used / (1.0 + (residual**2).sum(-1) / _CAUCHY**2)
+    weight = used / (1.0 + (residual**2).sum(-1) / KEYPOINT_SCALE**2)
     J_X = np.zeros((*Y.shape[:2], 2, 3))
     J_X[..., 0, 0] = J_X[..., 1, 1] = 1.0 / depth
     J_X[..., :, 2] = -X[..., :2] / depth[..., None] ** 2
@@ -239,11 +242,11 @@ def _turn(
     J = np.concatenate([J_omega, J_X], -1).reshape(len(Y), 2 * Y.shape[1], 6)
     weighted = np.swapaxes(J * np.repeat(weight, 2, axis=1)[..., None], -1, -2)
     H = weighted @ J
-    H[:, range(3), range(3)] += _ROTATION_PRIOR
+    H[:, range(3), range(3)] += ROTATION_PRIOR
     H[:, range(6), range(6)] += 1e-9
     g = weighted @ residual.reshape(len(Y), 2 * Y.shape[1], 1)
     step = -np.linalg.solve(H, g)[..., 0]
     omega = step[:, :3]
     length = np.linalg.norm(omega, axis=-1, keepdims=True)
-    omega = omega * np.minimum(1.0, _MAX_ROTATION / np.maximum(length, 1e-12))
+    omega = omega * np.minimum(1.0, MAX_ROTATION / np.maximum(length, 1e-12))
     return Y @ np.swapaxes(exp_so3(omega), -1, -2), root + step[:, 3:]

@@ -13,6 +13,8 @@ from stcalib_ros.core.model.recording import Recording
 
 _SIDES = ("left", "right")
 _MIN_DIRECTIONS = 4
+"""Count. Layouts with fewer bones and body lines in common are refused: they do not determine the
+rotation of a body. Chosen."""
 _ADULT_LENGTHS = {
     f"{side}_{bone.replace(' ', f' {side}_')}": length
     for side in _SIDES
@@ -23,7 +25,10 @@ _ADULT_LENGTHS = {
         "elbow wrist": 0.25,
     }.items()
 } | {"torso": 0.50}
-"""Metres, for lifters that give poses up to scale."""
+"""Metres. Segment lengths of an adult of 1.72 m, for lifters that give poses up to scale: thigh
+0.245, shank 0.246, upper arm 0.17 (0.186 to the shoulder), forearm 0.146, trunk 0.288 of the height
+(R. Drillis and R. Contini, 1966; D. A. Winter, "Biomechanics and motor control of human movement",
+2009), by what common layouts take for hips and shoulders."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,7 +18,7 @@ from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array,
 from stcalib_ros.core.registration.resampling import GridTracks
 
 _MOST_VALUES = 2_000_000
-"""Of a transform at once."""
+"""Numbers of a transform that are held at once (16 MB). Numerical: bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,6 +9,7 @@ from typing import TypeVar
 from stcalib_ros.core.errors import CalibrationError
 
 _POLL_S = 0.1
+"""Seconds between two looks at whether the caller wants to stop. Chosen."""
 
 
 _Task = TypeVar("_Task")

@@ -20,13 +20,13 @@ from stcalib_ros.core.geometry.so3 import exp_so3, hat, log_so3
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.relative_pose import RelativePose
+from stcalib_ros.core.registration.limits import CORRELATED_KEYPOINTS, MIN_POINTS
 from stcalib_ros.core.registration.pose_noise import registration_stddev
 
 _MAX_POINTS = 1500
-_MIN_POINTS = 60
+"""Keypoints of a pair that are compared, about. Numerical: bounds the cost."""
 _MAX_NOISE_FRAMES = 300
-_CORRELATED = 20
-"""Key points that make one independent measurement: joints of one body, frame after frame."""
+"""Frames of a track by which noise is measured, at most. Numerical: bounds the cost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,7 +183,7 @@ def refine_pair(
     max_lag_step = 0.0 if synchronised else 2.0 * matched.period
     damping = 1e-3
     c = matched.at(h.lag_s)
-    if len(c.x_a) < _MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
+    if len(c.x_a) < MIN_POINTS or np.linalg.norm(h.t_a_b) < 1e-6:
         return None
     deviations = registration_stddev(cameras[h.a], cameras[h.b], h)
     prior = _Prior(h.R_a_b, unit(h.t_a_b), *deviations)
@@ -192,7 +192,7 @@ def refine_pair(
     for _ in range(iterations):
         trial = _step(h, c, prior, noise, damping, max_lag_step=max_lag_step)
         c_trial = matched.at(trial.lag_s)
-        if len(c_trial.x_a) < _MIN_POINTS:
+        if len(c_trial.x_a) < MIN_POINTS:
             return None
         if (trial_cost := _cost(trial, c_trial, prior, noise)) < cost:
             converged = cost - trial_cost < 1e-3 * cost
@@ -237,7 +237,7 @@ def _noise(h: RelativePose, c: Correspondences, white_px: float) -> _Noise:
 def _cost(h: RelativePose, c: Correspondences, prior: _Prior, noise: _Noise) -> float:
     """Cauchy loss plus the prior."""
     r = _distances_px(h, c, noise.white) / noise.scale
-    data = float(np.log1p(r**2).mean()) * len(r) / _CORRELATED
+    data = float(np.log1p(r**2).mean()) * len(r) / CORRELATED_KEYPOINTS
     turned, moved = prior.residuals(h)
     return data + float(turned @ turned + moved @ moved)
 
@@ -269,7 +269,7 @@ def _step(
     values[:5] = values[1:]
     values[5] = later * (max_lag_step > 0)
     J = (values * inverse).T
-    w = 1.0 / (1.0 + r**2) / _CORRELATED
+    w = 1.0 / (1.0 + r**2) / CORRELATED_KEYPOINTS
     turned, moved = prior.residuals(h)
     H = J.T @ (w[:, None] * J)
     g = J.T @ (w * r)

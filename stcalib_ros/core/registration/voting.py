@@ -17,15 +17,19 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.options import RegistrationOptions
 from stcalib_ros.core.registration.correlation import PairCovariance, cross_covariance
+from stcalib_ros.core.registration.limits import (
+    BODY_SIZE_RATIO,
+    MAX_POSITION_DIFFERENCE,
+    SAME_LAG,
+    SAME_ROTATION,
+    VOTE_THRESHOLDS,
+)
 from stcalib_ros.core.registration.resampling import GridTracks
 
-_THRESHOLDS = (0.8, 0.7, 0.6, 0.5)
-_SAME_ROTATION = 0.15
-_SAME_LAG = 3
 _LAG_REFIT = 4
-_POSITION_TOLERANCE = 0.35
-_BODY_SIZE_RANGE = 1.25
+"""Samples around the lag of a proposal that are tried after a vote. Numerical: bounds the cost."""
 _MAX_MEDIAN_SAMPLES = 96
+"""Samples of a match by which its translation is measured, at most. Numerical: bounds the cost."""
 _BLOCK_VALUES = 4_000_000
 """Numbers of cross-covariances that are gathered at once (32 MB). Numerical: bounds the memory."""
 
@@ -38,7 +42,7 @@ def register_pair(
     max_lag: int,
     o: RegistrationOptions,
     *,
-    thresholds: Sequence[float] = _THRESHOLDS,
+    thresholds: Sequence[float] = VOTE_THRESHOLDS,
 ) -> tuple[RelativePose, ...]:
     """Hypotheses on a pair of cameras, best first; none where no tracks agree at any lag.
 
@@ -127,7 +131,7 @@ class _Vote:
         kept: list[int] = []
         for k in np.argsort(-support, kind="stable"):
             angles = rotation_angle(R[kept] @ R[k].T)
-            near = (angles < _SAME_ROTATION) & (np.abs(lag[kept] - lag[k]) <= _SAME_LAG)
+            near = (angles < SAME_ROTATION) & (np.abs(lag[kept] - lag[k]) <= SAME_LAG)
             if support[k] > 0 and not near.any():
                 kept.append(int(k))
             if len(kept) == self.options.n_hypotheses:
@@ -170,7 +174,7 @@ class _Vote:
         if not len(pairs):
             return (), R, np.zeros(3), 0.0
         t = self._translations(R, int(self.cov.lags[lag]), pairs)
-        agree = _apart(t) < _POSITION_TOLERANCE
+        agree = _apart(t) < MAX_POSITION_DIFFERENCE
         strength = gain[tuple(pairs.T)]
         votes = np.where(agree, strength, -np.inf)
         chosen = _greedy(votes, pairs, self.overlap_a, self.overlap_b)
@@ -207,7 +211,7 @@ def _apart(t: Float64Array) -> Float64Array:
     and so stretches the translation that follows from him.
     """
     square = np.maximum((t**2).sum(-1), 1e-12)
-    stretch = np.clip((t @ t.T) / square[None], 1 / _BODY_SIZE_RANGE, _BODY_SIZE_RANGE)
+    stretch = np.clip((t @ t.T) / square[None], 1 / BODY_SIZE_RATIO, BODY_SIZE_RATIO)
     one_way = np.linalg.norm(t[:, None] - stretch[..., None] * t[None], axis=-1)
     return np.asarray(np.minimum(one_way, one_way.T))
 
