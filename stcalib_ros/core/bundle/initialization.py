@@ -102,7 +102,7 @@ def _initial_adjustments(
     starts: list[Start] = []
     why: Insufficient | None = None
     for k, rig in enumerate(rigs):
-        complete = any(start.iteration.share > _COMPLETE for start in starts)
+        complete = any(start.iteration.explained_fraction > _COMPLETE for start in starts)
         supported = rig.support >= _RIVAL_SUPPORT * rigs[0].support
         if starts and not (supported and (k < _FEW_RIGS or not complete)):
             break

@@ -58,7 +58,7 @@ def make_calibration(
     world_frame : str
         Name of the frame of a result with z up.
     """
-    rig, o = last.rig, last.observations
+    rig, obs = last.rig, last.observations
     order = np.argsort(rig.cameras, kind="stable")
     covariance = placement.covariance_of(rig, covariance)
     rows = rows_of(order).ravel()
@@ -66,8 +66,8 @@ def make_calibration(
     clocks = [_clock(last, int(c)) for c in order]
     offsets = rows_of(np.arange(len(order)))[:, OFFSET_ROW]
     covariance[offsets, offsets] += [clock.added_variance for clock in clocks]
-    errors = errors_px(o, last.state)
-    inliers = errors[last.state.used & np.isfinite(errors)]
+    errors = errors_px(obs, last.state)
+    inliers = errors[last.state.inlier & np.isfinite(errors)]
     names = [recording.cameras[c].name for c in rig.cameras[order]]
     epoch = recording.epoch_ns * 1e-9
     window = _window(cameras, last)
@@ -88,7 +88,7 @@ def make_calibration(
         persons=tuple(person for _, person in found_persons(cameras, last)),
         pairs=pair_residuals(cameras, skeleton, last),
         reprojection_rms_px=float(np.sqrt((inliers**2).mean())),
-        n_observations=int(o.seen.sum()),
+        n_observations=int(obs.observed.sum()),
         n_inliers=len(inliers),
         frame_id="" if placement.upright is None else world_frame,
         scale_stddev=placement.scale_stddev,

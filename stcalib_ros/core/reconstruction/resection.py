@@ -146,7 +146,7 @@ def _hypotheses(
     """Return candidates by bone directions, the people taken as one camera without errors."""
     step = last.observations.step_s
     first = last.observations.start_s
-    longest = max(float(last.observations.knot.max() * step), float(np.ptp(camera.stamps)))
+    longest = max(float(last.observations.time_bin.max() * step), float(np.ptp(camera.stamps)))
     start = min(first, float(camera.stamps[0]))
     end = max(first, float(camera.stamps[0])) + longest
     n = int((end - start) / step) + 2
@@ -214,7 +214,7 @@ class _Keypoints:
         when = (since - bins * obs.step_s)[:, None, None]
         V = state.V[row] + when * state.A[row]
         X = state.X[row] + when * (state.V[row] + 0.5 * when * state.A[row])
-        known = (state.used[row].sum(2) >= 2) & (row >= 0)[..., None]
+        known = (state.inlier[row].sum(2) >= 2) & (row >= 0)[..., None]
         Y = (np.where(known[..., None], X, np.nan) - at.t_ref_cam) @ at.R_ref_cam
         Y[Y[..., 2] < NEAREST] = np.nan
         r = (Y[..., :2] / Y[..., 2:] - self.x) * self.focal[..., None]
@@ -282,6 +282,7 @@ def _row_table(last: Iteration) -> IntArray:
     """Return the row (P, K) of every person in every time bin; -1 where there is none."""
     obs = last.observations
     _, person = np.unique(obs.person, return_inverse=True)
-    table: IntArray = np.full((int(person.max()) + 1, int(obs.knot.max()) + 1), -1, dtype=np.int64)
-    table[person.ravel(), obs.knot] = np.arange(len(obs.person))
+    shape = (int(person.max()) + 1, int(obs.time_bin.max()) + 1)
+    table: IntArray = np.full(shape, -1, dtype=np.int64)
+    table[person.ravel(), obs.time_bin] = np.arange(len(obs.person))
     return table

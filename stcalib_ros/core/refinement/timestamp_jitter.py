@@ -129,19 +129,19 @@ def with_timestamp_errors(
 
 
 def _images_of(members: Sequence[LiftedCamera], last: Iteration) -> _Images:
-    o = last.observations
-    knots, knot = np.unique(o.knot, return_inverse=True)
-    seen = o.track >= 0
+    obs = last.observations
+    knots, knot = np.unique(obs.time_bin, return_inverse=True)
+    seen = obs.track >= 0
     before = last.rig.offset_s - last.state.shift_s
-    when = o.start_s + o.knot[:, None] * o.step_s + o.phi - before
+    when = obs.start_s + obs.time_bin[:, None] * obs.step_s + obs.phi - before
     stamp = np.stack([_nearest(m.stamps, t) for m, t in zip(members, when.T, strict=True)], 1)
     at_knot = np.full((len(knots), len(members)), -1, dtype=np.int64)
     for c in range(len(members)):
         rows = np.flatnonzero(seen[:, c])
-        order = rows[np.argsort(-np.abs(o.phi[rows, c]), kind="stable")]
+        order = rows[np.argsort(-np.abs(obs.phi[rows, c]), kind="stable")]
         at_knot[knot[order], c] = stamp[order, c]
     own = seen & (stamp == at_knot[knot])
-    return _Images(np.asarray(o.start_s + knots * o.step_s), knot, own, stamp, at_knot)
+    return _Images(np.asarray(obs.start_s + knots * obs.step_s), knot, own, stamp, at_knot)
 
 
 def _nearest(stamps: Float64Array, times: Float64Array) -> IntArray:
@@ -152,8 +152,8 @@ def _nearest(stamps: Float64Array, times: Float64Array) -> IntArray:
 
 
 def _sums(images: _Images, last: Iteration) -> tuple[Float64Array, Float64Array]:
-    used = last.state.used & images.own[:, :, None]
-    state = replace(last.state, used=used)
+    used = last.state.inlier & images.own[:, :, None]
+    state = replace(last.state, inlier=used)
     return time_sums(last.observations, state, images.knot)
 
 

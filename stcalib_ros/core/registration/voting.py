@@ -40,7 +40,7 @@ def register_pair(
     tracks_a: GridTracks,
     tracks_b: GridTracks,
     max_lag: int,
-    o: RegistrationOptions,
+    options: RegistrationOptions,
     *,
     thresholds: Sequence[float] = VOTE_THRESHOLDS,
 ) -> tuple[RelativePose, ...]:
@@ -54,14 +54,14 @@ def register_pair(
         On grids of the same step and start.
     max_lag : int
         Lags are searched within plus and minus this many samples.
-    o : RegistrationOptions
+    options : RegistrationOptions
     thresholds : sequence of float
         How well bones have to agree; the next one is for where nothing does so by the one before.
     """
     if not len(tracks_a.position) or not len(tracks_b.position):
         return ()
     covariance = cross_covariance(tracks_a, tracks_b, max_lag=max_lag)
-    vote = _Vote(covariance, tracks_a, tracks_b, o, thresholds)
+    vote = _Vote(covariance, tracks_a, tracks_b, options, thresholds)
     if not len(vote.candidates):
         return ()
     found = []
@@ -82,11 +82,11 @@ class _Vote:
         cov: PairCovariance,
         a: GridTracks,
         b: GridTracks,
-        o: RegistrationOptions,
+        options: RegistrationOptions,
         thresholds: Sequence[float],
     ) -> None:
-        self.cov, self.a, self.b, self.options = cov, a, b, o
-        self.usable = cov.overlap >= o.min_overlap
+        self.cov, self.a, self.b, self.options = cov, a, b, options
+        self.usable = cov.overlap >= options.min_overlap
         self.overlap_a, self.overlap_b = _simultaneous(a.present), _simultaneous(b.present)
         self.threshold, self.candidates = self._candidates(thresholds)
 
