@@ -13,14 +13,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exclusion_helpers import left_out
 
 import stcalib_ros
 from stcalib_ros.cli import main
 from stcalib_ros.commands import simulate as simulate_command
 from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text
 from stcalib_ros.core.errors import CalibrationError, Cancelled
-from stcalib_ros.core.model.calibration import Calibration, Status, UncalibratedCamera
+from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
 from stcalib_ros.core.model.skeleton import common_skeleton
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.stages import Stages
@@ -70,8 +72,9 @@ def found(recording: Recording, options: Options, *, progress: Any) -> Calibrati
     for stage in ("lifting", "solving"):
         for fraction in (0.0, 0.5, 1.0):
             progress(stage, fraction)
-    left_out = (UncalibratedCamera("cam05", "saw nobody"),)
-    return truth(message="Found; least is known of cam03", uncalibrated=left_out)
+    missing = (left_out("cam05", "saw nobody"),)
+    least = Remark(RemarkCode.RECORD_LONGER)
+    return truth(message="Found.", uncalibrated=missing, remarks=(least,))
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["calibrate", "--help"]])
@@ -108,13 +111,13 @@ def test_calibrate(
 ) -> None:
     solve(found)
     assert main(["calibrate", BAG, "--output", str(tmp_path / "out.yaml")]) == 0
-    assert read_result(tmp_path / "out.yaml").message == "Found; least is known of cam03"
+    assert read_result(tmp_path / "out.yaml").message == "Found."
     assert [p.name for p in tmp_path.iterdir()] == ["out.yaml"]
     out, err = capsys.readouterr()
     assert err.splitlines() == ["reading the bag", "lifting", "solving"]
     assert "4 of 5 cameras calibrated on 3 persons" in out
     assert "-317.00 ms +- 0.00" in out
-    assert "\nLeast is known of cam03.\n" in out
+    assert "\nA clip twice as long would make that about 30 % less.\n" in out
     assert "NOT calibrated: cam05: saw nobody" in out
     assert "T_ref_cam" in out
     assert "t_ref = t_cam + offset" in out
@@ -127,6 +130,34 @@ def test_quiet(
     solve(found)
     assert main(["calibrate", BAG, "-o", str(tmp_path / "out.yaml"), "-q"]) == 0
     assert capsys.readouterr() == ("", "")
+
+
+def test_json(
+    tmp_path: Path, solve: Callable[[Solver], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    solve(found)
+    assert main(["calibrate", BAG, "-o", str(tmp_path / "out.yaml"), "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert (content["status"], content["reasons"]) == ("OK", [])
+    assert content["uncalibrated"]["cam05"]["code"] == "UNSPECIFIED"
+    assert content["remarks"][0]["code"] == "RECORD_LONGER"
+    assert len(content["cameras"]) == 4
+
+
+def test_json_of_a_refusal(
+    tmp_path: Path, solve: Callable[[Solver], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = Rejection(RejectionReason.TOO_FEW_CAMERAS, measured=1.0, limit=2.0, unit="cameras")
+    refused = truth(status=Status.INSUFFICIENT_DATA, cameras=(), rejections=(few,))
+    solve(lambda *_, **__: dataclasses.replace(refused, reprojection_rms_px=math.nan))
+    assert main(["calibrate", BAG, "-o", str(tmp_path / "out.yaml"), "--json"]) == 3
+    out, err = capsys.readouterr()
+    content = json.loads(out)
+    assert (content["status"], content["cameras"]) == ("INSUFFICIENT_DATA", {})
+    assert content["reprojection_rms_px"] is None
+    (reason,) = content["reasons"]
+    assert (reason["code"], reason["measured"], reason["limit"]) == ("TOO_FEW_CAMERAS", 1, 2)
+    assert "stcalib: no trustworthy calibration (INSUFFICIENT_DATA)" in err
 
 
 def test_arguments_take_precedence_over_the_configuration(

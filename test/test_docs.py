@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from stcalib_ros.cli import main
+from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -272,6 +273,16 @@ def test_every_function_that_implements_an_equation_is_where_the_page_says() -> 
 def refusals() -> list[str]:
     page = (ROOT / "docs" / "troubleshooting.md").read_text()
     return re.findall(r"^### `(.+)`$", page, re.MULTILINE)
+
+
+def test_every_code_is_explained_once() -> None:
+    codes = [heading for heading in refusals() if heading == heading.upper()]
+    assert sorted(codes) == sorted(reason.value for reason in RejectionReason)
+
+
+def test_every_remark_is_explained_once() -> None:
+    page = (ROOT / "docs" / "troubleshooting.md").read_text()
+    assert re.findall(r"^\| `([A-Z_]+)` \|", page, re.MULTILINE) == [c.value for c in RemarkCode]
 
 
 @pytest.mark.parametrize("words", refusals())

@@ -78,7 +78,6 @@ UNNAMED_NUMBERS = {
     f"{CORE}.synthetic.paths",
     f"{CORE}.synthetic.rigs",
     f"{CORE}.validation.cross_view",
-    f"{PACKAGE}.io.results",
 }
 
 DEFINED_TWICE = {"Step", "_Images", "_Points"}

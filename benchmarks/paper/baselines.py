@@ -208,9 +208,7 @@ def _integrated(
 ) -> Stages:
     cameras = list(range(len(s.views.lifted)))
     hypotheses = tuple(pair.hypothesis for pair in pairs)
-    none = failed_calibration(
-        recording, status=Status.NOT_CONVERGED, message="a baseline", uncalibrated=()
-    )
+    none = failed_calibration(recording, status=Status.NOT_CONVERGED, rejections=())
     empty = Stages(s.views.skeleton, s.views.lifted, hypotheses, (), (), none)
     reached = {c for h in hypotheses for c in (h.a, h.b)}
     if reached != set(cameras) or len(pairs) < len(cameras) - 1:

@@ -93,6 +93,11 @@ def _add_option_arguments(parser: argparse.ArgumentParser) -> None:
         help="estimate the line times of rolling shutters",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="same seed, same result (default: 0)")
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print one JSON object instead of text: status, reasons, cameras",
+    )
 
 
 def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
@@ -110,6 +115,7 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
     from stcalib_ros.core.pipeline import run_stages
     from stcalib_ros.io.bag import read_bag
     from stcalib_ros.io.files import require_writable
+    from stcalib_ros.io.results import result_json
     from stcalib_ros.report import require_matplotlib
 
     require_writable(args.output)
@@ -133,9 +139,11 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
     written = [_write(stages.calibration, args.output)]
     if args.report is not None:
         written.append(_write_report(recording, stages, args.report))
+    if args.json:
+        print(result_json(stages.calibration))
     if stages.calibration.status is not Status.OK:
         raise CalibrationError(_refusal(stages.calibration, written))
-    if not args.quiet:
+    if not (args.quiet or args.json):
         print(calibration_text(stages.calibration))
         print(f"\nWritten to {' and '.join(map(str, filter(None, written)))}")
     return recording, stages.calibration

@@ -11,6 +11,7 @@ import numpy as np
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
+from stcalib_ros.core.model.rejection_text import whole_sentences
 from stcalib_ros.wording import (
     clock_text,
     count,
@@ -99,8 +100,8 @@ def calibration_text(calibration: Calibration) -> str:
         f"reprojection error {calibration.reprojection_rms_px:.2f} px (rms)."
     )
     parts = [head, _cameras(calibration), _directions(calibration)]
-    if calibration.remarks:
-        parts.append("\n".join(calibration.remarks))
+    if remarks := whole_sentences(calibration.remarks, calibration.rejections):
+        parts.append("\n".join(remarks))
     if calibration.persons:
         parts.append(_persons(calibration))
     parts += [f"NOT calibrated: {c.name}: {c.reason}" for c in calibration.uncalibrated]

@@ -20,7 +20,7 @@ from stcalib_ros.core.paper.stages import adjust_pairs, integrate_pairs, registe
 from stcalib_ros.core.registration.executors import map_tasks
 from stcalib_ros.core.registration.pairs import pair_tasks, register
 from stcalib_ros.core.solution import CalibrationProblem, adjust_rigs, check_solution
-from stcalib_ros.core.validation.verdict import Solution
+from stcalib_ros.core.validation.verdict import Solution, unsettled_cameras
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +129,9 @@ def _adjust_vmf(
         )
         if not isinstance(result, Disconnected):
             covariance = pose_covariance(result[-1].observations, result[-1].state)
-            return check_solution(problem, result, covariance, exclusions)
+            return check_solution(
+                problem, result, covariance, exclusions, unsettled=unsettled_cameras(result)
+            )
         rig, exclusions = largest_part(exclusions, rig, result)
     raise AssertionError("a rig of fewer than two cameras is never adjusted")
 

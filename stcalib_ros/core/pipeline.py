@@ -14,9 +14,8 @@ from stcalib_ros.core.integration.exclusions import Exclusions, largest_group
 from stcalib_ros.core.lifting.input_checks import Selection, require_usable, select_cameras
 from stcalib_ros.core.lifting.views import LiftedViews, lift_views
 from stcalib_ros.core.methods import METHODS
-from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.model.calibration import Calibration, Insufficient
 from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.core.model.rejection import Insufficient
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.options import Options
@@ -123,9 +122,7 @@ def run_stages(
         rigs = method.integrate(problem, group, pairs)
         solution = method.adjust(problem, pairs, rigs, exclusions)
     except Insufficient as why:
-        failed = failed_calibration(
-            recording, status=why.status, message=why.message, uncalibrated=why.uncalibrated
-        )
+        failed = failed_calibration(recording, why.status, (why.rejection,), why.uncalibrated)
         return Stages(views.skeleton, views.lifted, hypotheses, rigs, (), failed)
     calibration, alignment = _judged(recording, problem, solution)
     return Stages(
@@ -166,7 +163,7 @@ def _judged(
     alignment = place(
         recording, views.lifted, views.skeleton, solution.last, solution.covariance, options
     )
-    status, message = judge(views.lifted, views.skeleton, solution, alignment.complaint)
+    judgement = judge(views.lifted, views.skeleton, solution, alignment.rejection)
     calibration = make_calibration(
         recording,
         views.lifted,
@@ -174,8 +171,7 @@ def _judged(
         solution.last,
         solution.covariance,
         alignment,
-        status=status,
-        message=message,
+        judgement=judgement,
         uncalibrated=solution.exclusions.cameras,
         world_frame=options.world_frame,
     )

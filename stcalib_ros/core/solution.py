@@ -16,14 +16,15 @@ from stcalib_ros.core.control import Control
 from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, largest_part
 from stcalib_ros.core.lifting.views import LiftedViews
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.model.rejection import Insufficient
+from stcalib_ros.core.model.calibration import Insufficient
 from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, resect
 from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.registration.resampling import Grid
-from stcalib_ros.core.validation.camera_checks import check_cameras
-from stcalib_ros.core.validation.verdict import Solution, rivalry
+from stcalib_ros.core.validation.camera_checks import check_cameras, rejection
+from stcalib_ros.core.validation.thresholds import DEFAULT
+from stcalib_ros.core.validation.verdict import Solution, rival_solution, unsettled_cameras
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,8 +81,8 @@ def adjust_rigs(
     start, rival = select_initial_rig(rigs, adjust, exclusions, problem.control.tick)
     if rival is None:
         return _reinstate_excluded(problem, _exclude_unreliable(problem, start))
-    doubt = rivalry(start.iteration, rival, offset_range_s=problem.options.offset_range_s)
-    return replace(_solve(problem, start), doubt=doubt)
+    found = rival_solution(start.iteration, rival, offset_range_s=problem.options.offset_range_s)
+    return replace(_solve(problem, start), rival=found)
 
 
 def _adjust_initially(problem: CalibrationProblem, rig: Rig, exclusions: Exclusions) -> Start:
@@ -118,6 +119,7 @@ def _solve(problem: CalibrationProblem, start: Start) -> Solution:
     views, options = problem.views, problem.options
     iterations, exclusions = _iterate(problem, start)
     problem.control.tick_iteration(1.0, iterations[-1])
+    unsettled = unsettled_cameras(iterations)
     refined = refine(
         views.lifted,
         iterations,
@@ -126,7 +128,7 @@ def _solve(problem: CalibrationProblem, start: Start) -> Solution:
         estimate_line_delays=options.estimate_line_time,
     )
     covariance = refined.covariance.poses_and_offsets()
-    return check_solution(problem, refined.iterations, covariance, exclusions)
+    return check_solution(problem, refined.iterations, covariance, exclusions, unsettled=unsettled)
 
 
 def check_solution(
@@ -134,8 +136,20 @@ def check_solution(
     iterations: tuple[Iteration, ...],
     covariance: Float64Array,
     exclusions: Exclusions,
+    *,
+    unsettled: int,
 ) -> Solution:
-    """Check every camera of an adjustment that was brought to the end."""
+    """Check every camera of an adjustment that was brought to the end.
+
+    Parameters
+    ----------
+    problem : CalibrationProblem
+    iterations : tuple of Iteration
+    covariance : (7 C, 7 C) ndarray
+    exclusions : Exclusions
+    unsettled : int
+        Number of cameras that the last iteration before refinement still moved.
+    """
     problem.control.tick("quality", 0.0)
     checks = check_cameras(
         problem.views.lifted,
@@ -144,21 +158,23 @@ def check_solution(
         covariance,
         offset_range_s=problem.options.offset_range_s,
     )
-    return Solution(iterations, covariance, checks, exclusions)
+    return Solution(iterations, covariance, checks, exclusions, unsettled)
 
 
 def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
     """Solve, and again without the least reliable camera while fewer than half fail the checks."""
     found = _solve(problem, start)
     for _ in range(len(start.iteration.rig.cameras)):
-        failed = [i for i, check in enumerate(found.checks) if check.complaint() is not None]
-        if not failed or 2 * len(failed) >= len(found.checks):
+        rig, names = found.last.rig, problem.exclusions.names
+        failed = {
+            i: why
+            for i, (c, checks) in enumerate(zip(rig.cameras, found.checks, strict=True))
+            if (why := rejection(checks, camera=names[c])) is not None
+        }
+        if not failed or len(failed) >= DEFAULT.max_failed_fraction * len(found.checks):
             break
         worst = min(failed, key=lambda i: found.checks[i].inliers)
-        rig = found.last.rig
-        exclusions = found.exclusions.adding(
-            [int(rig.cameras[worst])], str(found.checks[worst].complaint())
-        )
+        exclusions = found.exclusions.adding([int(rig.cameras[worst])], failed[worst])
         rest = sub_rig(rig, [i for i in range(len(rig.cameras)) if i != worst])
         found = _solve(problem, _adjust_initially(problem, rest, exclusions))
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +10,23 @@ import numpy as np
 import yaml
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.geometry.so3 import matrix_from_quaternion, quaternion_from_matrix
+from stcalib_ros.core.geometry.so3 import quaternion_from_matrix
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import (
     Calibration,
     CameraCalibration,
     PairResidual,
     PersonAssociation,
-    Status,
-    UncalibratedCamera,
 )
-from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.io.files import write_text
+from stcalib_ros.io.reasons import (
+    plain_reasons,
+    read_rejections,
+    read_remarks,
+    read_uncalibrated,
+)
+from stcalib_ros.io.yaml_entries import Entry
 from stcalib_ros.io.yaml_files import read_yaml
 
 FORMAT = "stcalib/1"
@@ -73,6 +78,23 @@ def result_text(calibration: Calibration) -> str:
     return _HEAD.format(frame=frame, unit=_UNITS[calibration.metric]) + body
 
 
+def result_json(calibration: Calibration) -> str:
+    """Return a calibration as one JSON object in a line, with the entries of the result file.
+
+    Numbers that are not finite are null, for which JSON has no other word.
+    """
+    return json.dumps(_finite(_plain(calibration)), allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    """Return plain data with None in the place of numbers that are not finite."""
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
 def read_result(path: Path | str) -> Calibration:
     """Read a result or truth file.
 
@@ -95,22 +117,21 @@ def read_result(path: Path | str) -> Calibration:
     >>> st.read_result("truth.yaml").reference
     'cam0'
     """
-    top = _Entry(read_yaml(Path(path)), str(path), ": ")
+    top = Entry(read_yaml(Path(path)), str(path), ": ")
     version = top.get("format").value
     if version != FORMAT:
         raise InputError(f"{path}: format is {version!r}; this version reads {FORMAT}")
     epoch_s = top.get("epoch_s").number()
+    status, message = top.get("status").status(), top.get("message", "").text()
     return Calibration(
-        status=top.get("status").status(),
-        message=top.get("message", "").text(),
+        status=status,
+        message=message,
         reference=top.get("reference").text(),
         metric=top.get("metric").boolean(),
         epoch_s=epoch_s,
         window_s=_window(top.get("window_s", [epoch_s, epoch_s])),
         cameras=tuple(_camera(n, e) for n, e in top.get("cameras").items()),
-        uncalibrated=tuple(
-            UncalibratedCamera(n, e.text()) for n, e in top.get("uncalibrated", {}).items()
-        ),
+        uncalibrated=read_uncalibrated(top),
         persons=tuple(_person(e) for e in top.get("persons", []).elements()),
         pairs=tuple(_pair(e) for e in top.get("pairs", []).elements()),
         reprojection_rms_px=top.get("reprojection_rms_px", np.nan).number(),
@@ -120,6 +141,8 @@ def read_result(path: Path | str) -> Calibration:
         parameter_order=tuple(e.text() for e in top.get("parameter_order", []).elements()),
         frame_id=top.get("frame_id", "").text(),
         scale_stddev=top.get("scale_stddev", np.nan).number(),
+        rejections=read_rejections(top, status, message),
+        remarks=read_remarks(top),
     )
 
 
@@ -140,7 +163,7 @@ def _plain(calibration: Calibration) -> dict[str, Any]:
         "n_observations": int(calibration.n_observations),
         "n_inliers": int(calibration.n_inliers),
         "cameras": {c.name: _plain_camera(c) for c in calibration.cameras},
-        "uncalibrated": {c.name: c.reason for c in calibration.uncalibrated},
+        **plain_reasons(calibration),
         "persons": [_plain_person(p) for p in calibration.persons],
         "pairs": [
             {
@@ -203,102 +226,7 @@ def _plain_person(person: PersonAssociation) -> dict[str, Any]:
     }
 
 
-class _Entry:
-    """A value of the file that knows where it stands."""
-
-    def __init__(self, value: Any, path: str, separator: str = ".") -> None:
-        self.value = value
-        self.path = path
-        self._separator = separator
-
-    def get(self, key: str, default: Any = None) -> _Entry:
-        """Entry of a mapping; an error if it is missing and has no default."""
-        value = self._mapping().get(key, default)
-        entry = _Entry(value, f"{self.path}{self._separator}{key}")
-        if value is None:
-            raise InputError(f"{entry.path} is missing")
-        return entry
-
-    def items(self) -> list[tuple[str, _Entry]]:
-        """Entries of a mapping by name."""
-        return [(str(k), _Entry(v, f"{self.path}.{k}")) for k, v in self._mapping().items()]
-
-    def elements(self) -> list[_Entry]:
-        """Entries of a list."""
-        if not isinstance(self.value, list):
-            raise self._expected("a list")
-        return [_Entry(v, f"{self.path}[{i}]") for i, v in enumerate(self.value)]
-
-    def text(self) -> str:
-        """Text; a number where a name is wanted is one, too."""
-        if isinstance(self.value, Mapping | list | bool | None):
-            raise self._expected("text")
-        return str(self.value)
-
-    def boolean(self) -> bool:
-        """Read ``true`` or ``false``."""
-        if not isinstance(self.value, bool):
-            raise self._expected("true or false")
-        return self.value
-
-    def integer(self) -> int:
-        """Whole number."""
-        if isinstance(self.value, bool) or not isinstance(self.value, int):
-            raise self._expected("a whole number")
-        return self.value
-
-    def number(self) -> float:
-        """Read a number; ``1e-5``, which YAML 1.1 takes for text, is one, too."""
-        if isinstance(self.value, int | float | str) and not isinstance(self.value, bool):
-            try:
-                return float(self.value)
-            except (ValueError, OverflowError):
-                pass
-        raise self._expected("a number")
-
-    def numbers(self, count: int | None = None, *, finite: bool = True) -> Float64Array:
-        """Flat list of numbers."""
-        entries = self.elements()
-        if count is not None and len(entries) != count:
-            raise self._expected(f"{count} numbers")
-        values = np.array([e.number() for e in entries], dtype=np.float64)
-        if finite and not np.isfinite(values).all():
-            raise self._expected("finite numbers")
-        return values
-
-    def status(self) -> Status:
-        """Name of a `Status`."""
-        try:
-            return Status[str(self.value)]
-        except KeyError:
-            raise self._expected(f"one of {', '.join(s.name for s in Status)}") from None
-
-    def rotation(self) -> Float64Array:
-        """Rotation matrix of a quaternion x, y, z, w."""
-        q = self.numbers(4)
-        if abs(np.linalg.norm(q) - 1.0) > 1e-3:
-            raise self._expected("a unit quaternion x, y, z, w")
-        return matrix_from_quaternion(q)
-
-    def lens_model(self) -> LensModel:
-        """Name of a `LensModel`."""
-        try:
-            return LensModel(self.value)
-        except ValueError:
-            raise self._expected(f"one of {', '.join(m.value for m in LensModel)}") from None
-
-    def _mapping(self) -> Mapping[Any, Any]:
-        if not isinstance(self.value, Mapping):
-            raise self._expected("a mapping")
-        return self.value
-
-    def _expected(self, what: str) -> InputError:
-        shown = repr(self.value)
-        shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
-        return InputError(f"{self.path}: expected {what}, got {shown}")
-
-
-def _camera(name: str, entry: _Entry) -> CameraCalibration:
+def _camera(name: str, entry: Entry) -> CameraCalibration:
     return CameraCalibration(
         name=name,
         frame_id=entry.get("frame_id", f"{name}_optical_frame").text(),
@@ -315,7 +243,7 @@ def _camera(name: str, entry: _Entry) -> CameraCalibration:
     )
 
 
-def _lens(entry: _Entry) -> Intrinsics:
+def _lens(entry: Entry) -> Intrinsics:
     return Intrinsics(
         width=entry.get("width").integer(),
         height=entry.get("height").integer(),
@@ -326,7 +254,7 @@ def _lens(entry: _Entry) -> Intrinsics:
     )
 
 
-def _person(entry: _Entry) -> PersonAssociation:
+def _person(entry: Entry) -> PersonAssociation:
     return PersonAssociation(
         person_id=entry.get("id").integer(),
         tracks={
@@ -338,7 +266,7 @@ def _person(entry: _Entry) -> PersonAssociation:
     )
 
 
-def _pair(entry: _Entry) -> PairResidual:
+def _pair(entry: Entry) -> PairResidual:
     cameras = entry.get("cameras").elements()
     if len(cameras) != 2:
         raise InputError(f"{entry.path}.cameras: expected two names, got {len(cameras)}")
@@ -351,12 +279,12 @@ def _pair(entry: _Entry) -> PairResidual:
     )
 
 
-def _window(entry: _Entry) -> tuple[float, float]:
+def _window(entry: Entry) -> tuple[float, float]:
     first, last = entry.numbers(2, finite=False).tolist()
     return first, last
 
 
-def _square(entry: _Entry) -> Float64Array:
+def _square(entry: Entry) -> Float64Array:
     rows = entry.elements()
     out = np.array([row.numbers(len(rows), finite=False) for row in rows], dtype=np.float64)
     return out.reshape(len(rows), len(rows))

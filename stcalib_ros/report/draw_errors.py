@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stcalib_ros.core.bundle.residuals import errors_px
-from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.arrays import Float32Array
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.report.style import PALETTE
 
@@ -24,8 +24,8 @@ class CameraErrors:
     """Reprojection errors of one camera, px, of inliers and outliers."""
 
     name: str
-    inliers: Float64Array
-    outliers: Float64Array
+    inliers: Float32Array
+    outliers: Float32Array
 
     @property
     def inlier_fraction(self) -> float:

@@ -11,6 +11,7 @@ from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.geometry.so3 import quaternion_from_matrix, rotation_angle
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
 from stcalib_ros.core.model.recording import CameraRecording, Recording
+from stcalib_ros.core.model.rejection_text import whole_sentences
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.report.draw_errors import CameraErrors, camera_errors
 from stcalib_ros.report.markup import heading, paragraph, table
@@ -62,7 +63,7 @@ def verdict(c: Calibration) -> str:
 
 def _sentence(c: Calibration) -> str:
     if not c.cameras:
-        return _capital(c.message)
+        return " ".join(whole_sentences((), c.rejections))
     total = len(c.cameras) + len(c.uncalibrated)
     found = (
         f"{len(c.cameras)} of {total} cameras, {count(len(c.persons), 'person')}; "
@@ -70,12 +71,8 @@ def _sentence(c: Calibration) -> str:
         f"of {c.reprojection_rms_px:.2f} px (rms)."
     )
     if c.status is not Status.OK:
-        return f"{_capital(c.message)}. Found: {found}"
-    return " ".join([found, *c.remarks])
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
+        return " ".join([*whole_sentences((), c.rejections), "Found:", found])
+    return " ".join([found, *whole_sentences(c.remarks, c.rejections)])
 
 
 def cameras(stages: Stages) -> str:

@@ -21,11 +21,14 @@ from stcalib_ros.core.model.calibration import (
     PairResidual,
     PersonAssociation,
 )
+from stcalib_ros.core.model.rejection import Rejection
+from stcalib_ros.core.model.rejection_text import labelled
 from stcalib_ros.io.messages import NS
 from stcalib_ros.io.stamps import ClockCorrection
 from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, TimeOffset
 from stcalib_ros.msg import PairResidual as PairResidualMessage
 from stcalib_ros.msg import PersonAssociation as PersonAssociationMessage
+from stcalib_ros.msg import Rejection as RejectionMessage
 
 
 def message_class(type_name: str) -> Any:
@@ -101,7 +104,7 @@ def calibration_result(
         header=_header(calibration, stamp),
         run_id=run_id,
         status=int(calibration.status),
-        message=message_of(calibration),
+        message=calibration.message,
         extrinsics=extrinsics_messages(calibration, stamp=stamp),
         time_offsets=time_offset_messages(calibration, stamp=stamp, frame_rates=frame_rates),
         persons=[_person(p) for p in calibration.persons],
@@ -114,13 +117,8 @@ def calibration_result(
         scale_stddev=calibration.scale_stddev,
         joint_covariance=calibration.joint_covariance.ravel().tolist(),
         parameter_order=list(calibration.parameter_order),
+        reasons=[_rejection(r) for r in calibration.reasons],
     )
-
-
-def message_of(calibration: Calibration) -> str:
-    """What was found, and which cameras could not be tied to the others and why; for a person."""
-    reasons = [f"{camera.name}: {camera.reason}" for camera in calibration.uncalibrated]
-    return "; ".join([calibration.message, *reasons])
 
 
 def extrinsics_messages(calibration: Calibration, *, stamp: Time) -> list[CameraExtrinsics]:
@@ -206,6 +204,17 @@ def _person(person: PersonAssociation) -> PersonAssociationMessage:
         track_ids=[track for _, track in seen],
         reprojection_rms_px=person.reprojection_rms_px,
         margin=person.margin,
+    )
+
+
+def _rejection(rejection: Rejection) -> RejectionMessage:
+    return RejectionMessage(
+        code=rejection.reason.value,
+        cameras=list(rejection.cameras),
+        measured=float(rejection.measured),
+        limit=float(rejection.limit),
+        unit=rejection.unit,
+        message=labelled(rejection),
     )
 
 

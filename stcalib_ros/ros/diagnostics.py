@@ -9,6 +9,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.camera_buffer import Counts
@@ -33,6 +34,8 @@ class SolverState:
         Time that its solver took; NaN if none has ended.
     last_ended_s : float
         When its solver was done, Unix seconds by this machine's clock; NaN if none has ended.
+    last_reasons : tuple of Rejection
+        Why the last run, or cameras in it, were rejected.
     """
 
     step: Step | None = None
@@ -42,6 +45,7 @@ class SolverState:
     last_message: str = ""
     last_took_s: float = math.nan
     last_ended_s: float = math.nan
+    last_reasons: tuple[Rejection, ...] = ()
 
 
 def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
@@ -154,8 +158,15 @@ def solver_status(prefix: str, solver: SolverState) -> Any:
         "last_message": solver.last_message,
         "last_took_s": f"{solver.last_took_s:.2f}",
         "last_ended_s": f"{solver.last_ended_s:.3f}",
+        "last_reasons": ", ".join(map(_code, solver.last_reasons)),
     }
     return _status(f"{prefix}: solver", level, message, values)
+
+
+def _code(rejection: Rejection) -> str:
+    """Return the code of a rejection, and the cameras that it is about."""
+    about = f" ({' '.join(rejection.cameras)})" if rejection.cameras else ""
+    return rejection.reason.value + about
 
 
 def load_status(prefix: str, load: Load, lost: Mapping[str, int], *, newly_lost: bool) -> Any:

@@ -28,7 +28,7 @@ from stcalib_ros.io.stamps import SAME_CLOCK
 from stcalib_ros.msg import CalibrationResult
 from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.camera_buffer import Counts
-from stcalib_ros.ros.convert import calibration_result, message_of, time_message
+from stcalib_ros.ros.convert import calibration_result, time_message
 from stcalib_ros.ros.diagnostics import (
     SolverState,
     camera_status,
@@ -214,13 +214,14 @@ class Calibrator:
         if taken:
             problem = self.in_force.replace(calibration, job.run_id)
             self._begin()
-            verdict = f"{message_of(calibration)}; in force, since {reason}{problem}"
+            verdict = f"{calibration.message}; in force, since {reason}{problem}"
         self.log.info(f"run {job.run_id} has ended: {verdict}")
         self._solver = replace(
             self._solver,
             last_run=job.run_id,
             last_status=calibration.status.name,
             last_message=verdict,
+            last_reasons=calibration.reasons,
             last_took_s=outcome.took_s,
             last_ended_s=outcome.ended_s,
         )

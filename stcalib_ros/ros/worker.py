@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 from stcalib_ros.core.errors import Cancelled, InputError
 from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.options import Options
 from stcalib_ros.io.assemble import CameraImages, Warn
 from stcalib_ros.ros.solver import SolverError, calibrate_in_subprocess
@@ -79,6 +80,14 @@ class Step:
     rms_px: float = math.nan
 
 
+_REASONS = {
+    Status.INSUFFICIENT_DATA: RejectionReason.INPUT_UNUSABLE,
+    Status.NOT_CONVERGED: RejectionReason.SOLVER_FAILED,
+    Status.CANCELLED: RejectionReason.CANCELLED,
+}
+"""Codes of runs that did not come to an end."""
+
+
 def failure(status: Status, message: str) -> Calibration:
     """Calibration that holds nothing but the reason why."""
     return Calibration(
@@ -95,6 +104,7 @@ def failure(status: Status, message: str) -> Calibration:
         reprojection_rms_px=math.nan,
         n_observations=0,
         n_inliers=0,
+        rejections=(Rejection(_REASONS[status], detail=message),),
     )
 
 

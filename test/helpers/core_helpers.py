@@ -41,16 +41,16 @@ SMALL = SceneOptions(n_frames=80, n_cameras=3, n_people=2, id_switches_per_10s=0
 HALF_SECOND = Options(offset_range_s=0.5)
 SOUND = CameraChecks(
     inliers=5000,
-    inlier_share=0.95,
-    explained=0.9,
+    inlier_fraction=0.95,
+    explained_fraction=0.9,
     shared_s=8.0,
     rotation_stddev=0.001,
-    centre_stddev=0.002,
+    position_stddev=0.002,
     offset_stddev_frames=0.01,
     bone_rotation=0.05,
     depth_ratio=1.0,
-    offset_contrast=6.0,
-    other_offset_s=0.4,
+    offset_peak_ratio=6.0,
+    alternative_offset_s=0.4,
 )
 """Checks of a reliable camera."""
 

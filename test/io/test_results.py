@@ -10,6 +10,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 import yaml
+from exclusion_helpers import left_out
 from hypothesis import HealthCheck, given, settings
 from scipy.spatial.transform import Rotation
 
@@ -22,10 +23,23 @@ from stcalib_ros.core.model.calibration import (
     Status,
     UncalibratedCamera,
 )
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
 from stcalib_ros.io.results import read_result, result_text, write_result
 
 number = st.floats(-1e9, 1e9)
 any_number = st.floats(allow_nan=True, allow_infinity=True)
+
+
+SHORT = Rejection(
+    RejectionReason.TOO_LITTLE_SHARED_TIME,
+    ("cam3", "cam4"),
+    1.3,
+    2.5,
+    "s",
+    ("cam0", "cam1"),
+    {"explained_fraction": 0.6},
+    "süß",
+)
 
 
 def calibration(numbers: list[float], rotation: Rotation, margin: float = math.inf) -> Calibration:
@@ -57,7 +71,10 @@ def calibration(numbers: list[float], rotation: Rotation, margin: float = math.i
         epoch_s=float(a[43]),
         window_s=(float(a[44]), float(a[45])),
         cameras=cameras,
-        uncalibrated=(UncalibratedCamera("cam2", "nobody in common: 'x'"),),
+        uncalibrated=(
+            left_out("cam2", "nobody in common: 'x'"),
+            UncalibratedCamera("cam3", SHORT),
+        ),
         persons=(
             PersonAssociation(0, {"cam0": (3,), "cam1": (7, 12)}, 1.9, margin),
             PersonAssociation(1, {}, math.nan),
@@ -70,6 +87,8 @@ def calibration(numbers: list[float], rotation: Rotation, margin: float = math.i
         parameter_order=("cam1.x", "cam1.y", "cam1.z", "cam1.time_offset_s"),
         frame_id="hall" if margin == math.inf else "",
         scale_stddev=float(a[66]) if margin == math.inf else math.nan,
+        rejections=(Rejection(RejectionReason.COLLINEAR_MOTION),),
+        remarks=(Remark(RemarkCode.LEAST_CONSTRAINED_CAMERA, ("cam1",), {"x_deg": float(a[69])}),),
     )
 
 
@@ -118,7 +137,18 @@ def test_form_of_the_interface() -> None:
     content = yaml.safe_load(result_text(calibration([0.5], Rotation.identity())))
     assert content["format"] == "stcalib/1"
     assert content["status"] == "OK"
-    assert content["uncalibrated"] == {"cam2": "nobody in common: 'x'"}
+    short = content["uncalibrated"]["cam3"]
+    assert (short["code"], short["measured"], short["limit"], short["unit"]) == (
+        "TOO_LITTLE_SHARED_TIME",
+        1.3,
+        2.5,
+        "s",
+    )
+    assert short["message"].startswith("it shares only 1.3 s of somebody's motion")
+    (reason,) = content["reasons"]
+    assert reason["code"] == "COLLINEAR_MOTION"
+    assert "measured" not in reason
+    assert content["remarks"][0]["code"] == "LEAST_CONSTRAINED_CAMERA"
     camera = content["cameras"]["cam1"]
     assert camera["rotation"] == [0.0, 0.0, 0.0, 1.0]
     assert (len(camera["translation"]), len(camera["covariance"])) == (3, 36)
@@ -152,6 +182,24 @@ def test_what_may_be_missing(tmp_path: Path) -> None:
     assert np.isnan(camera.covariance).all()
     assert truth.window_s == (10.0, 10.0)
     assert (truth.persons, truth.pairs, truth.uncalibrated) == ((), (), ())
+    assert (truth.rejections, truth.remarks) == ((), ())
+
+
+def test_reasons_of_other_versions(tmp_path: Path) -> None:
+    refused = MINIMAL.replace("status: OK", "status: DEGENERATE\nmessage: nobody moves")
+    (tmp_path / "old.yaml").write_text(f"{refused}uncalibrated: {{cam7: saw nobody}}\n")
+    old = read_result(tmp_path / "old.yaml")
+    assert old.uncalibrated == (left_out("cam7", "saw nobody"),)
+    assert old.uncalibrated[0].reason == "saw nobody"
+    unspecified = RejectionReason.UNSPECIFIED
+    assert [(r.reason, r.detail) for r in old.rejections] == [(unspecified, "nobody moves")]
+    other = "[{code: NEW_CODE, message: too dark, measured: 3, cameras: [cam7]}]"
+    remark = "[{code: NEW_REMARK}]"
+    (tmp_path / "new.yaml").write_text(f"{refused}reasons: {other}\nremarks: {remark}\n")
+    new = read_result(tmp_path / "new.yaml")
+    assert new.rejections[0].reason is unspecified
+    assert (new.rejections[0].detail, new.rejections[0].measured) == ("too dark", 3.0)
+    assert new.remarks == ()
 
 
 @pytest.mark.parametrize(
@@ -179,6 +227,11 @@ def test_what_may_be_missing(tmp_path: Path) -> None:
             r"persons\[0\]\.id: expected a",
         ),
         ("metric: true", "metric: [1, 2", r"not valid YAML"),
+        (
+            "metric: true",
+            "reasons: [{measured: 1}]\nmetric: true",
+            r"reasons\[0\]\.code is missing",
+        ),
         ("metric: true", "joint_covariance: [[1, 2]]\nmetric: true", r"expected 1 numbers"),
     ],
 )

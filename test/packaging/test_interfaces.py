@@ -38,7 +38,11 @@ PROMISED = {
         CameraExtrinsics[] extrinsics; TimeOffset[] time_offsets; PersonAssociation[] persons
         PairResidual[] pairs; float64 reprojection_rms_px; uint32 n_observations; uint32 n_inliers
         builtin_interfaces/Time window_start; builtin_interfaces/Time window_end
-        float64 scale_stddev; float64[] joint_covariance; string[] parameter_order""",
+        float64 scale_stddev; float64[] joint_covariance; string[] parameter_order
+        Rejection[] reasons""",
+    "msg/Rejection.msg": """
+        string code; string[] cameras; float64 measured; float64 limit; string unit
+        string message""",
     "srv/Recalibrate.srv": """
         string[] cameras; builtin_interfaces/Time start; builtin_interfaces/Time end; bool wait
         ---

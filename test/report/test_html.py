@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exclusion_helpers import left_out
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
+from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.core.synthetic import Scene
@@ -71,8 +73,8 @@ def test_it_says_what_was_found(page: Page, report_stages: Stages) -> None:
     assert page.text.strip().startswith("Calibration\n")
     for said in (
         "Calibrated",
-        "Least is known of cam",
-        "Clock rates are left out: ",
+        "The least constrained camera is cam",
+        "Clock skews are not observable in ",
         f"3 of 3 cameras, 2 persons; {calibration.n_inliers} of {calibration.n_observations}",
         f"{calibration.reprojection_rms_px:.2f} px (rms)",
         "T_ref_cam: x_ref = R x_cam + t",
@@ -101,7 +103,7 @@ def test_names_are_anybodys_text(report_scene: Scene) -> None:
     )
     recording = dataclasses.replace(report_scene.recording, cameras=cameras)
     stages = run_stages(recording)
-    stranger = UncalibratedCamera("<img src=x>", "saw <b>nobody</b>")
+    stranger = left_out("<img src=x>", "saw <b>nobody</b>")
     page = Page(report_html(recording, changed(stages, uncalibrated=(stranger,))))
     assert "script" not in page.tags
     assert len(page.sources) == 3
@@ -109,14 +111,17 @@ def test_names_are_anybodys_text(report_scene: Scene) -> None:
 
 
 def test_cameras_that_are_not_calibrated(report_scene: Scene, report_stages: Stages) -> None:
-    lost = UncalibratedCamera("cam7", "shares nobody's motion with cam0, cam1")
+    lost = left_out("cam7", "shares nobody's motion with cam0, cam1")
     page = Page(report_html(report_scene.recording, changed(report_stages, uncalibrated=(lost,))))
     assert "3 of 4 cameras" in page.text
     assert lost.reason in page.text
 
 
+TWO = Rejection(RejectionReason.UNSPECIFIED, detail="two solutions fit")
+
+
 def test_refused_with_poses(report_scene: Scene, report_stages: Stages) -> None:
-    refused = changed(report_stages, status=Status.DEGENERATE, message="two solutions fit")
+    refused = changed(report_stages, status=Status.DEGENERATE, rejections=(TWO,))
     page = Page(report_html(report_scene.recording, refused))
     assert page.text.strip().startswith("Calibration refused\n")
     assert "Refused: the data does not determine the cameras" in page.text

@@ -26,13 +26,13 @@ from stcalib_ros.core.bundle.parameters import (
     TRANSLATION,
     Cameras,
     ParameterLayout,
-    propagate,
 )
 from stcalib_ros.core.bundle.residuals import errors_px, robust_scale
+from stcalib_ros.core.bundle.scaled_system import propagate
 from stcalib_ros.core.bundle.state import BundleState
 from stcalib_ros.core.geometry.robust import CAUCHY, MIN_SCALE_PX
 from stcalib_ros.core.geometry.so3 import hat
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 
 PARAMETERS = ("x", "y", "z", "rot_x", "rot_y", "rot_z", "time_offset_s")
 """Published parameters of a camera, in the order of their rows."""
@@ -290,7 +290,7 @@ def pose_covariance(obs: Observations, state: BundleState) -> Float64Array:
     return JointCovariance(names, state.layout, P, published).poses_and_offsets()
 
 
-def _curvature_lost(errors: Float64Array, scale: float) -> float:
+def _curvature_lost(errors: Float32Array, scale: float) -> float:
     """Ratio by which the robust cost is flatter than its weights make the normal equations.
 
     A weight ``w = 1 / (1 + r^2 / s^2)`` stands for a mean second derivative of w^2 in the plane.

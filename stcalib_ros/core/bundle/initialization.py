@@ -9,7 +9,7 @@ import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.integration.exclusions import Exclusions
-from stcalib_ros.core.model.rejection import Insufficient
+from stcalib_ros.core.model.calibration import Insufficient
 from stcalib_ros.core.model.rig import Rig
 
 _RIVAL_SUPPORT = 0.5

@@ -10,6 +10,20 @@ import numpy as np
 from stcalib_ros.core.bundle.gauge import spread
 from stcalib_ros.core.bundle.iteration import Iteration, _rig_of
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
+from stcalib_ros.core.bundle.limits import (
+    CONVERGED_FRAMES,
+    CONVERGED_POSE,
+    ENOUGH_SLOTS,
+    FINAL_TOLERANCE,
+    FIRST_FLOOR_PX,
+    FIRST_TOLERANCE,
+    FLOOR_PX,
+    MAX_POINTS_BETWEEN,
+    MAX_POINTS_FIRST,
+    MIN_ITERATIONS,
+    MIN_JOINTS,
+    TOLERANCE,
+)
 from stcalib_ros.core.bundle.observations import Observations, observe
 from stcalib_ros.core.bundle.offset_debiasing import debias_offsets
 from stcalib_ros.core.bundle.outliers import connected, drop_outliers, image_points
@@ -23,26 +37,18 @@ from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.options import BundleOptions
 
-_FIRST_FLOOR_PX = 15.0
-_FLOOR_PX = 8.0
-_FINAL_TOLERANCE = 0.3
-_TOLERANCE = 1.0
-_MAX_POINTS_FIRST = 5000
-_MAX_POINTS_BETWEEN = 10_000
-_ENOUGH_SLOTS = 12
-
 
 def initial_adjustment(
     cameras: Sequence[LiftedCamera], rig: Rig, o: BundleOptions, *, step_s: float
 ) -> Iteration | Disconnected:
     """Associate at the rig of the multi-view integration and adjust on a part of the joints."""
     every = _every_slot(cameras, rig, step_s)
-    association = associate(cameras, rig, step_s=step_s, floor_px=_FIRST_FLOOR_PX, every=every)
+    association = associate(cameras, rig, step_s=step_s, floor_px=FIRST_FLOOR_PX, every=every)
     return _round(
         *(cameras, rig, association, o, step_s),
-        tolerance=2.0,
+        tolerance=FIRST_TOLERANCE,
         every_slot=every,
-        max_points=_MAX_POINTS_FIRST,
+        max_points=MAX_POINTS_FIRST,
     )
 
 
@@ -57,13 +63,13 @@ def istba_iteration(
     """Associate again, adjust without the outliers; on a part of everything until the last."""
     rig = before.rig
     every = 1 if last else _every_slot(cameras, rig, step_s)
-    association = associate(cameras, rig, step_s=step_s, floor_px=_FLOOR_PX, every=every)
-    tolerance = _FINAL_TOLERANCE if last else _TOLERANCE
+    association = associate(cameras, rig, step_s=step_s, floor_px=FLOOR_PX, every=every)
+    tolerance = FINAL_TOLERANCE if last else TOLERANCE
     return _round(
         *(cameras, rig, association, o, step_s),
         tolerance=tolerance,
         every_slot=every,
-        max_points=None if last else _MAX_POINTS_BETWEEN,
+        max_points=None if last else MAX_POINTS_BETWEEN,
         drop=True,
         last=last,
     )
@@ -72,7 +78,7 @@ def istba_iteration(
 def _every_slot(cameras: Sequence[LiftedCamera], rig: Rig, step_s: float) -> int:
     """Step between the slots that are enough to begin with: 600 samples and more."""
     longest = max(float(cameras[c].stamps[-1] - cameras[c].stamps[0]) for c in rig.cameras)
-    return max(1, int(longest / (SLOT_SAMPLES * step_s)) // _ENOUGH_SLOTS)
+    return max(1, int(longest / (SLOT_SAMPLES * step_s)) // ENOUGH_SLOTS)
 
 
 def run_istba(
@@ -98,15 +104,15 @@ def run_istba(
     -------
     tuple of Iteration or Disconnected
         The first round and the last two; those between would only take memory. The latter as soon
-        as cameras fall apart.
+        as cameras are no longer connected.
     """
     done = [first]
     # The initial adjustment has a part of the joints only: one iteration follows in any case.
     n_iterations = max(o.rounds, 2)
     for n in range(1, n_iterations):
         tick(n / n_iterations, done[-1])
-        settled = n > 2 and _settled(done[-2], done[-1], step_s)
-        last = settled or n == n_iterations - 1
+        converged = n >= MIN_ITERATIONS and _converged(done[-2], done[-1], step_s)
+        last = converged or n == n_iterations - 1
         result = istba_iteration(cameras, done[-1], o, step_s=step_s, last=last)
         if isinstance(result, Disconnected):
             return result
@@ -116,7 +122,7 @@ def run_istba(
     return tuple(done)
 
 
-def _settled(before: Iteration, after: Iteration, step_s: float) -> bool:
+def _converged(before: Iteration, after: Iteration, step_s: float) -> bool:
     same = all(
         np.array_equal(a, b)
         for a, b in zip(before.association.person_of, after.association.person_of, strict=True)
@@ -125,7 +131,7 @@ def _settled(before: Iteration, after: Iteration, step_s: float) -> bool:
     moved = np.linalg.norm(after.rig.t_ref_cam - before.rig.t_ref_cam, axis=-1).max() / length
     turned = np.abs(after.rig.R_ref_cam - before.rig.R_ref_cam).max()
     shifted = np.abs(after.rig.offset_s - before.rig.offset_s).max() / step_s
-    return same and bool(max(moved, turned) < 1e-3 and shifted < 0.02)
+    return same and bool(max(moved, turned) < CONVERGED_POSE and shifted < CONVERGED_FRAMES)
 
 
 def _round(
@@ -145,7 +151,7 @@ def _round(
     J = observations.x.shape[2]
     every = 1
     if max_points is not None:
-        every = min(-(-len(observations.person) * J // max_points), J // 4) or 1
+        every = min(-(-len(observations.person) * J // max_points), J // MIN_JOINTS) or 1
         observations = observations.thinned_joints(every)
     state = initial_state(observations, rig)
     if drop:
@@ -197,7 +203,7 @@ def readjusted(
     known = before.state.triangulated()
     V, A = estimate_motion(observations, before.state.X, known)
     state = drop_outliers(observations, replace(before.state, V=V, A=A), o)
-    tolerance = _FINAL_TOLERANCE if last else _TOLERANCE
+    tolerance = FINAL_TOLERANCE if last else TOLERANCE
     state = adjust(
         observations, state, iterations=o.max_iterations, tolerance=tolerance, layout=layout
     )

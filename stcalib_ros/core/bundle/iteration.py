@@ -6,6 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.limits import (
+    OTHER_DISTANCE,
+    OTHER_POSITION,
+    OTHER_ROTATION,
+    OTHER_SCALE,
+)
 from stcalib_ros.core.bundle.observations import Observations
 from stcalib_ros.core.bundle.residuals import errors_px, median_error
 from stcalib_ros.core.bundle.state import BundleState
@@ -13,17 +19,6 @@ from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.integration.association import Association
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.model.rig import Rig, _part
-
-_OTHER_ROTATION = 0.1
-
-
-_OTHER_POSITION = 0.3
-
-
-_OTHER_DISTANCE = 0.03
-
-
-_OTHER_SCALE = 1.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,13 +183,13 @@ def _rig_of(state: BundleState, rig: Rig) -> Rig:
 def _elsewhere(one: Rig, other: Rig, tolerance_s: float) -> BoolArray:
     """Cameras (C,) that stand, look or run elsewhere in another rig of the same cameras.
 
-    By how much most of them are further away is the size that the people are taken for.
+    Compared at one scale: the solutions may take the people for larger or smaller.
     """
     turned = rotation_angle(np.swapaxes(one.R_ref_cam, -1, -2) @ other.R_ref_cam)
     reach, its_reach = (np.linalg.norm(rig.t_ref_cam, axis=-1) for rig in (one, other))
     scale = np.median(reach[1:] / np.maximum(its_reach[1:], 1e-9))
-    scale = np.clip(scale, 1 / _OTHER_SCALE, _OTHER_SCALE)
-    apart = np.linalg.norm(one.t_ref_cam - scale * other.t_ref_cam, axis=-1)
+    scale = np.clip(scale, 1 / OTHER_SCALE, OTHER_SCALE)
+    distance = np.linalg.norm(one.t_ref_cam - scale * other.t_ref_cam, axis=-1)
     shifted = np.abs(one.offset_s - other.offset_s)
-    moved = apart > _OTHER_POSITION + _OTHER_DISTANCE * reach
-    return np.asarray((turned > _OTHER_ROTATION) | moved | (shifted > tolerance_s))
+    moved = distance > OTHER_POSITION + OTHER_DISTANCE * reach
+    return np.asarray((turned > OTHER_ROTATION) | moved | (shifted > tolerance_s))

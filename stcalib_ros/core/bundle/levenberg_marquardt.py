@@ -28,6 +28,11 @@ from stcalib_ros.core.geometry.robust import CAUCHY
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 
 _MIN_RENEWALS = 4
+"""Count. Steps with velocities read anew before an adjustment may end. Numerical."""
+
+_FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _DAMPING_FACTOR = 1e-5, 1e-9, 1e4, 10.0
+"""Fractions of the diagonal, and their ratio from step to step. Numerical: the usual choice of
+Levenberg and Marquardt; starts are near the optimum."""
 
 
 def adjust(
@@ -56,7 +61,7 @@ def adjust(
     layout : ParameterLayout, optional
         Unknowns that are estimated; default: poses and time offsets.
     """
-    damping = 1e-5
+    damping = _FIRST_DAMPING
     scale = CAUCHY * noise_px(o, state)
     problem = PointProblem(o, state, scale, layout)
     least = _MIN_RENEWALS if renew_velocities else 0
@@ -65,7 +70,7 @@ def adjust(
         there = problem.apply_step(here)
         if there.cost < here.cost:
             problem = there.problem
-            damping = max(damping / 10.0, 1e-9)
+            damping = max(damping / _DAMPING_FACTOR, _LEAST_DAMPING)
             if renew_velocities:
                 state = problem.state_of(state)
                 V, A = estimate_motion(o, state.X, state.triangulated())
@@ -74,8 +79,8 @@ def adjust(
             if there.length < tolerance and step >= least:
                 break
         else:
-            damping *= 10.0
-            if damping > 1e4:
+            damping *= _DAMPING_FACTOR
+            if damping > _MOST_DAMPING:
                 break
     return problem.state_of(state)
 

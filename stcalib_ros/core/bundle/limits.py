@@ -51,3 +51,64 @@ of the clusters are mostly fitted. Chosen."""
 MIN_UNIT_BASELINE = 1e-3
 """Fraction of the spread of the cameras. Two cameras that are closer give no unit of length: their
 distance is not known relative to itself. Derived: centres are known to about that at best."""
+
+FURTHEST_BINS = 0.75
+"""Time bins. An image is moved to the bin beside its nearest one, where jitter put two in one, if
+it is no further from its middle. Derived: the motion model holds for half a bin or little more."""
+
+MIN_SHARED_POINTS = 100
+"""Observations, count. Two cameras are connected from this many shared inliers on. Chosen on
+simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
+
+MIN_SHARED_FRACTION = 0.1
+"""Fraction of the keypoints of the camera with fewer. Two cameras that share less are not
+connected: these are spurious matches. Chosen on simulated scenes; not verified on real
+recordings."""
+
+FIRST_FLOOR_PX = 15.0
+"""Pixels. Reprojection errors below this do not count against an association with the rig of the
+multi-view integration, whose poses are off by so much. Chosen on simulated scenes of
+benchmarks.accuracy.level."""
+
+FLOOR_PX = 8.0
+"""Pixels. The same with an adjusted rig: what detectors are off by. Chosen on simulated scenes of
+benchmarks.accuracy.level; not verified on real recordings."""
+
+FIRST_TOLERANCE, TOLERANCE, FINAL_TOLERANCE = 2.0, 1.0, 0.3
+"""Standard deviations. The first adjustment, those between and the last one end when a step moves
+the cameras by less. Derived: 0.3 adds 5 % to the error."""
+
+MAX_POINTS_FIRST, MAX_POINTS_BETWEEN = 5_000, 10_000
+"""Count. Points of the first adjustment and of those before the last: joints are thinned to about
+as many, which determine the poses to well within a pixel. Chosen for speed."""
+
+MIN_JOINTS = 4
+"""Count. So many joints are left of a person at least, so that all parts of an image are covered.
+Chosen."""
+
+ENOUGH_SLOTS = 12
+"""Count. Slots of time that are enough before the last iteration: 600 samples. Chosen for speed."""
+
+MIN_ITERATIONS = 3
+"""Count. Iterations before the poses may count as converged. Chosen."""
+
+CONVERGED_POSE = 1e-3
+"""Radians, and fraction of the spread of the cameras. Poses that change by less between two
+iterations have converged. Derived: a pixel of a usual camera is about as much."""
+
+CONVERGED_FRAMES = 0.02
+"""Frames. Offsets that change by less between two iterations have converged. Chosen: the offsets of
+ten seconds are determined to about as much."""
+
+OTHER_ROTATION = 0.1
+"""Radians. Two solutions differ in a camera that is rotated by more. Chosen: far above the
+uncertainty of any solution, far below the difference of two that contradict each other."""
+
+OTHER_POSITION, OTHER_DISTANCE = 0.3, 0.03
+"""Units of the adjustment, about metres, and fraction of the distance from the reference. Two
+solutions differ in a camera that is displaced by more than the sum. Chosen like
+`OTHER_ROTATION`."""
+
+OTHER_SCALE = 1.1
+"""Ratio. Two solutions of a scale that differs by less are compared at one scale: the size of the
+people is not known better. Chosen."""

@@ -1,7 +1,7 @@
 """The normal equations of the bundle adjustment, the points eliminated block by block.
 
 A block is a few thousand points: what belongs to its points fits into the cache and is
-forgotten when its share of the reduced system has been added up, so that memory does not grow
+forgotten when its part of the reduced system has been added up, so that memory does not grow
 with the length of the recording.
 
 With ``y = R X(t)`` and ``u`` the projection of ``y + t``, both Jacobians of an image point are
@@ -183,7 +183,7 @@ class Linearisation(Projection):
         return (pull * RV).sum(1), y, g
 
     def unweighted_factors(self) -> tuple[Float64Array, ...]:
-        """Cholesky factors of what the points are told by, all image points weighing alike."""
+        """Cholesky factors of the points' own normal equations, all keypoints of one weight."""
         return self._point_factors(self.weighted(np.inf)[0])
 
     def _point_factors(self, m: Float64Array) -> tuple[Float64Array, ...]:

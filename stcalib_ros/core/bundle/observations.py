@@ -13,14 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.limits import FURTHEST_BINS
 from stcalib_ros.core.bundle.parameters import PointTimes
 from stcalib_ros.core.integration.association import Association
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
-
-_FURTHEST = 0.75
-"""Steps from an image to its knot."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,12 +53,12 @@ class Observations:
     knot: IntArray
     track: IntArray
     phi: Float64Array
-    x: Float64Array
-    focal: Float64Array
+    x: Float32Array
+    focal: Float32Array
     seen: BoolArray
     start_s: float
     step_s: float
-    row: Float64Array | None = None
+    row: Float32Array | None = None
     line_s: Float64Array | None = None
     middle_s: float = 0.0
 
@@ -148,8 +146,8 @@ class _Images:
     knot: IntArray
     phi: Float64Array
     track: IntArray
-    x: Float64Array
-    focal: Float64Array
+    x: Float32Array
+    focal: Float32Array
     rows: Float64Array | None = None
 
 
@@ -182,7 +180,7 @@ def nearest_knots(position: Float64Array) -> IntArray:
     for first, way in ((0, -1), (1, 1)):
         movable = np.flatnonzero(knot[1:] == knot[:-1]) + first
         to = knot[movable] + way
-        free = ~np.isin(to, knot) & (np.abs(position[movable] - to) < _FURTHEST)
+        free = ~np.isin(to, knot) & (np.abs(position[movable] - to) < FURTHEST_BINS)
         knot[movable[free]] = to[free]
     return knot
 
@@ -194,6 +192,7 @@ def blocks_of(o: Observations) -> Iterator[slice]:
 
 
 _BLOCK = 10_000
+"""Count. Keypoints of a block, whose arrays fit into the cache of usual processors. Numerical."""
 
 
 def row_blocks(n_rows: int, per_row: int) -> Iterator[slice]:

@@ -11,7 +11,10 @@ from stcalib_ros.core.bundle.observations import Observations, blocks_of
 from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout, PointTimes, PointView
 from stcalib_ros.core.bundle.state import BundleState, triangulated
 from stcalib_ros.core.geometry.robust import LEAST_SHARE, MIN_SCALE_PX, RAYLEIGH_MEDIAN
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
+
+_FAR = 1e3
+"""Cauchy scales. Residual of a keypoint whose point is behind its camera. Numerical."""
 
 
 class Projection:
@@ -59,7 +62,7 @@ class Projection:
 
     def squared_px(self, scale: float) -> Float64Array:
         """Squared residuals (..., C, P); of points behind their camera as of far outliers."""
-        far = (1e3 * scale) ** 2 * (self.focal > 0.0)
+        far = (_FAR * scale) ** 2 * (self.focal > 0.0)
         return np.asarray(np.where(self.ahead, self.squared, far))
 
     def cost(self, scale: float) -> float:
@@ -138,7 +141,7 @@ def residuals_px(
     return r, state.used[rows] & np.isfinite(r).all(-1)
 
 
-def errors_px(o: Observations, state: BundleState) -> Float64Array:
+def errors_px(o: Observations, state: BundleState) -> Float32Array:
     """Reprojection errors (N, C, J), px; NaN where nothing was seen or no point is known.
 
     As precise as the image points are.
@@ -151,24 +154,24 @@ def errors_px(o: Observations, state: BundleState) -> Float64Array:
     return out
 
 
-def median_error(errors: Float64Array, used: BoolArray) -> float:
+def median_error(errors: Float32Array, used: BoolArray) -> float:
     """Median of the used and finite errors (N, C, J), px; NaN if there is none."""
     chosen = errors[used & np.isfinite(errors)]
     return float(np.median(chosen, overwrite_input=True)) if len(chosen) else float("nan")
 
 
-def robust_scale(errors: Float64Array, used: BoolArray) -> float:
-    """Standard deviation (px, per axis) of the used observations (N, C, J), from their median.
+def robust_scale(errors: Float32Array, used: BoolArray) -> float:
+    """Standard deviation (px, per axis) of the inliers (N, C, J), from their median.
 
     Every point takes three of the coordinates of its observations: what the residuals keep of
-    the noise is smaller by that share.
+    the noise is smaller by that fraction.
     """
     known = used & np.isfinite(errors)
     if not known.any():
         return float("nan")
-    share = 1.0 - 1.5 * float(triangulated(known).sum()) / float(known.sum())
+    fraction = 1.0 - 1.5 * float(triangulated(known).sum()) / float(known.sum())
     sigma = median_error(errors, used) / RAYLEIGH_MEDIAN
-    return sigma / float(np.sqrt(max(share, LEAST_SHARE)))
+    return sigma / float(np.sqrt(max(fraction, LEAST_SHARE)))
 
 
 def noise_px(o: Observations, state: BundleState) -> float:

@@ -12,13 +12,15 @@ from stcalib_ros.core.bundle.observations import Observations, blocks_of
 from stcalib_ros.core.bundle.parameters import Cameras, CameraUnknown, ParameterLayout
 from stcalib_ros.core.geometry.local_polynomial import local_motion, smooth_motion
 from stcalib_ros.core.geometry.triangulation import triangulate, unit_rays
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from stcalib_ros.core.model.rig import Rig
 
 _HALF_WINDOW_S = 0.2
-
+"""Seconds. Half window of the local fit that velocities are read from. Measured on the scenes
+"default" of benchmarks.accuracy.level: longer ones lose the motion of the feet."""
 
 _MIN_HALF_WINDOW = 6
+"""Time bins. Shortest such window: a polynomial of that fit needs them. Numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +133,7 @@ def _triangulated(
     return X, good
 
 
-def _rays(x: Float64Array, rig: Rig) -> Float64Array:
+def _rays(x: Float32Array, rig: Rig) -> Float64Array:
     """Unit rays (N, J, C, 3) of image points (N, C, J, 2) in the reference frame."""
     turned = unit_rays(x) @ np.swapaxes(rig.R_ref_cam, -1, -2)
     return np.asarray(turned.transpose(0, 2, 1, 3))

@@ -1,15 +1,19 @@
-"""The floor: how well a scene can be calibrated at all (Cramer-Rao bound).
+"""Cramer-Rao lower bound: how well a scene can be calibrated at all.
 
-Given true cameras and trajectories and who is seen when, with noise of Gauss on the image points.
+Given true cameras and trajectories and who is seen when, with Gaussian noise on the keypoints.
 Two models say what is known of the trajectories:
 
 free points
     Every joint is anywhere at every moment; how it moves within half a frame is known. What the
     adjustment would reach if its velocities had no noise.
 splines
-    Every trajectory is a cubic B-spline with a knot per moment, and its accelerations are known to
-    be about as large as they are (a prior of Gauss; the bound is that of van Trees). Velocities
-    have to be estimated, and all that one camera sees alone counts as well.
+    Every trajectory is a cubic B-spline with a knot per time bin, and its accelerations have a
+    Gaussian prior of their true mean square; the bound is that of van Trees. Velocities have to be
+    estimated, and what only one camera observes counts as well.
+
+References
+----------
+H. L. van Trees, "Detection, Estimation, and Modulation Theory, Part I", Wiley, 1968, section 2.4.
 """
 
 from __future__ import annotations
@@ -167,7 +171,7 @@ def expected_errors(
     floor : Floor
     rng : Generator
     n : int
-        Estimates that are drawn.
+        Number of samples.
     """
     C = floor.covariance.shape[0] // ParameterLayout(1).size
     published = ParameterLayout(C)

@@ -21,7 +21,7 @@ from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.integration.association import Association
 from stcalib_ros.core.integration.averaging import reliability
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array
 from stcalib_ros.core.model.calibration import (
     Calibration,
     CameraCalibration,
@@ -269,7 +269,7 @@ def _rig_errors(
     rig: Rig,
     association: Association,
     points: _ViewPoints,
-    errors: Float64Array,
+    errors: Float32Array | Float64Array,
     truth: Calibration,
     fps: float,
 ) -> Errors:
@@ -375,5 +375,5 @@ def _persons_of(truth: Calibration) -> Mapping[tuple[str, int], set[int]]:
     return persons
 
 
-def _mean(values: Float64Array) -> float:
+def _mean(values: Float32Array | Float64Array) -> float:
     return float(np.mean(values)) if len(values) else float("nan")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array
 
 
-def unit_rays(x: Float64Array) -> Float64Array:
+def unit_rays(x: Float32Array | Float64Array) -> Float64Array:
     """Unit directions (..., 3), of the precision of x, to points (..., 2) of the plane z = 1."""
     rays = np.concatenate([x, np.ones_like(x[..., :1])], -1)
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    return rays
+    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
 
 def triangulate(

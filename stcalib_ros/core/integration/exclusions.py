@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from stcalib_ros.core.geometry.graphs import connected_groups
-from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
-from stcalib_ros.core.model.rejection import Insufficient
+from stcalib_ros.core.model.calibration import Insufficient, Status, UncalibratedCamera
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig, sub_rig
 
@@ -29,9 +29,9 @@ class Exclusions:
     offset_range_s: float
     cameras: tuple[UncalibratedCamera, ...] = ()
 
-    def adding(self, cameras: Sequence[int], reason: str) -> Exclusions:
+    def adding(self, cameras: Sequence[int], rejection: Rejection) -> Exclusions:
         """Leave out some more."""
-        more = tuple(UncalibratedCamera(self.names[c], reason) for c in cameras)
+        more = tuple(UncalibratedCamera(self.names[c], rejection) for c in cameras)
         return replace(self, cameras=self.cameras + more)
 
     def reinstating(self, cameras: Sequence[int]) -> Exclusions:
@@ -40,16 +40,13 @@ class Exclusions:
         return replace(self, cameras=tuple(one for one in self.cameras if one.name not in back))
 
     def _adding_groups(
-        self, groups: Sequence[Sequence[int]], kept: Sequence[int], lacking: str
+        self, groups: Sequence[Sequence[int]], kept: Sequence[int], reason: RejectionReason
     ) -> Exclusions:
-        names = ", ".join(self.names[c] for c in kept)
+        others = tuple(self.names[c] for c in kept)
         grown = self
         for group in groups:
-            for c in group:
-                reason = f"{lacking} {names}"
-                if others := [self.names[d] for d in group if d != c]:
-                    reason += f"; it forms a separate group with {', '.join(others)}"
-                grown = grown.adding([c], reason)
+            cameras = tuple(self.names[c] for c in group)
+            grown = grown.adding(group, Rejection(reason, cameras, others=others))
         return grown
 
 
@@ -82,13 +79,11 @@ def largest_group(
     groups = connected_groups(cameras, hypotheses)
     kept = next((g for g in groups if cameras[0] in g and len(g) > 1), groups[0])
     left = [g for g in groups if g is not kept]
-    grown = exclusions._adding_groups(left, kept, "shares nobody's motion with")
+    grown = exclusions._adding_groups(left, kept, RejectionReason.DISCONNECTED)
     if len(kept) < 2:
         raise Insufficient(
             Status.INSUFFICIENT_DATA,
-            "no two cameras see the same person move: check that their views overlap, that "
-            f"their clocks agree within {exclusions.offset_range_s:g} s (offset_range_s), "
-            "and record longer",
+            Rejection(RejectionReason.NO_SHARED_MOTION, limit=exclusions.offset_range_s, unit="s"),
             grown.cameras,
         )
     return sorted(kept, key=lambda c: position[c]), grown
@@ -109,13 +104,12 @@ def largest_part(
     grown = exclusions._adding_groups(
         [rig.cameras[list(g)].tolist() for g in groups if g is not kept],
         rig.cameras[list(kept)].tolist(),
-        "hardly anything that it sees matches what is seen by",
+        RejectionReason.UNMATCHED_OBSERVATIONS,
     )
     if len(kept) < 2:
         raise Insufficient(
             Status.INSUFFICIENT_DATA,
-            "people could not be matched across views: too few of their image points fit any "
-            "two cameras; check the intrinsics, let views overlap more, and record longer",
+            Rejection(RejectionReason.NO_SHARED_OBSERVATIONS),
             grown.cameras,
         )
     return sub_rig(rig, kept), grown

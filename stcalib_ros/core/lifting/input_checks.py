@@ -10,12 +10,12 @@ import numpy as np
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.graphs import components
 from stcalib_ros.core.geometry.interpolation import frame_period
-from stcalib_ros.core.lifting.limits import MIN_MOVEMENT, PERIOD_SLACK
+from stcalib_ros.core.lifting.limits import MIN_CAMERAS, MIN_MOVEMENT, PERIOD_SLACK
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
+from stcalib_ros.core.model.calibration import Insufficient, Status, UncalibratedCamera
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.core.model.rejection import Insufficient
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.options import Options
 
 _SMOOTHING_S = 0.25
@@ -24,7 +24,14 @@ _SMOOTHING_S = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Cameras worth looking at (indices, the reference first) and the others with reasons."""
+    """Cameras that can be compared, and those that are rejected before anything is computed.
+
+    Attributes
+    ----------
+    cameras : tuple of int
+        Indices of the former, the reference first.
+    rejected : tuple of UncalibratedCamera
+    """
 
     cameras: tuple[int, ...]
     rejected: tuple[UncalibratedCamera, ...]
@@ -50,7 +57,7 @@ def require_usable(recording: Recording, options: Options) -> int:
 
 
 def require_reference(recording: Recording, options: Options) -> int:
-    """Index of the reference camera.
+    """Return the index of the reference camera.
 
     Raises
     ------
@@ -73,7 +80,7 @@ def require_reference(recording: Recording, options: Options) -> int:
 
 
 def require_known_cameras(recording: Recording, options: Options) -> None:
-    """Check that known distances are about cameras that are there.
+    """Check that the cameras of known distances are in the recording.
 
     Raises
     ------
@@ -114,7 +121,7 @@ def require_line_times(recording: Recording) -> None:
 
 
 def select_cameras(cameras: Sequence[LiftedCamera], first: int, options: Options) -> Selection:
-    """Cameras that see people and whose clocks can overlap.
+    """Select the cameras that observe people and whose clocks can overlap.
 
     Raises
     ------
@@ -122,39 +129,32 @@ def select_cameras(cameras: Sequence[LiftedCamera], first: int, options: Options
         Fewer than two are left.
     """
     order = [first, *(i for i in range(len(cameras)) if i != first)]
-    if len(cameras) < 2:
-        only = cameras[0].name if cameras else "none"
-        raise Insufficient(
-            Status.INSUFFICIENT_DATA,
-            f"{len(cameras)} camera with poses ({only}): at least two that see the same people "
-            "are needed",
-        )
     seeing = [i for i in order if cameras[i].tracks]
     rejected = [
-        UncalibratedCamera(cameras[i].name, "no person with enough key points and 3D joints")
-        for i in order
-        if i not in seeing
+        UncalibratedCamera(name, Rejection(RejectionReason.NO_PERSONS, (name,)))
+        for name in (cameras[i].name for i in order if i not in seeing)
     ]
     groups = _overlapping(cameras, seeing, options)
     kept = max(groups, key=len, default=[])
     for group in groups:
         if group is not kept:
             rejected += [_clock_rejection(cameras, i, kept, options) for i in group]
-    if len(kept) < 2:
-        raise Insufficient(Status.INSUFFICIENT_DATA, _no_overlap(rejected), rejected)
+    if len(kept) < MIN_CAMERAS:
+        few = Rejection(
+            RejectionReason.TOO_FEW_CAMERAS,
+            measured=float(len(kept)),
+            limit=float(MIN_CAMERAS),
+            unit="cameras",
+        )
+        raise Insufficient(Status.INSUFFICIENT_DATA, few, rejected)
     _require_motion([cameras[i] for i in kept])
     return Selection(tuple(kept), tuple(rejected))
-
-
-def _no_overlap(rejected: Sequence[UncalibratedCamera]) -> str:
-    reasons = "; ".join(f"{camera.name}: {camera.reason}" for camera in rejected)
-    return f"fewer than two cameras can be compared: {reasons}"
 
 
 def _overlapping(
     cameras: Sequence[LiftedCamera], members: Sequence[int], options: Options
 ) -> list[list[int]]:
-    """Groups of cameras that may show enough common moments, in the given order."""
+    """Return groups of cameras with enough temporal overlap, in the given order."""
     tied = np.array(
         [
             [
@@ -168,7 +168,7 @@ def _overlapping(
 
 
 def _common_frames(a: LiftedCamera, b: LiftedCamera, options: Options) -> float:
-    """Images that the two can share at best, within the range of offsets."""
+    """Return how many images two cameras have in common at best, within the range of offsets."""
     slack = 2.0 * options.offset_range_s
     overlap = min(a.stamps[-1], b.stamps[-1] + slack) - max(a.stamps[0], b.stamps[0] - slack)
     longest = min(a.stamps[-1] - a.stamps[0], b.stamps[-1] - b.stamps[0])
@@ -180,45 +180,52 @@ def _clock_rejection(
     cameras: Sequence[LiftedCamera], i: int, kept: Sequence[int], options: Options
 ) -> UncalibratedCamera:
     camera = cameras[i]
-    begin, end = float(camera.stamps[0]), float(camera.stamps[-1])
-    others = (
-        min(float(cameras[j].stamps[0]) for j in kept),
-        max(float(cameras[j].stamps[-1]) for j in kept),
-    )
-    gap = max(begin - others[1], others[0] - end)
-    if gap > 2.0 * options.offset_range_s:
-        reason = (
-            f"its clock does not overlap with the others: {begin:.1f}..{end:.1f} s against "
-            f"{others[0]:.1f}..{others[1]:.1f} s, {gap:.1f} s apart with an offset range of "
-            f"+-{options.offset_range_s:g} s; widen offset_range_s or set its clock"
+    begin_s, end_s = float(camera.stamps[0]), float(camera.stamps[-1])
+    others_begin_s = min(float(cameras[j].stamps[0]) for j in kept)
+    others_end_s = max(float(cameras[j].stamps[-1]) for j in kept)
+    gap_s = max(begin_s - others_end_s, others_begin_s - end_s)
+    others = tuple(cameras[j].name for j in kept)
+    if gap_s > 2.0 * options.offset_range_s:
+        rejection = Rejection(
+            RejectionReason.CLOCK_EPOCH_DIFFERS,
+            (camera.name,),
+            gap_s,
+            2.0 * options.offset_range_s,
+            "s",
+            others,
+            {
+                "begin_s": begin_s,
+                "end_s": end_s,
+                "others_begin_s": others_begin_s,
+                "others_end_s": others_end_s,
+            },
         )
     else:
-        reason = (
-            f"only {_images(len(camera.stamps))} and fewer than {options.min_common_frames} in "
-            "common with the others; record longer"
+        rejection = Rejection(
+            RejectionReason.NO_TEMPORAL_OVERLAP,
+            (camera.name,),
+            max(_common_frames(camera, cameras[j], options) for j in kept),
+            float(options.min_common_frames),
+            "images",
+            others,
         )
-    return UncalibratedCamera(camera.name, reason)
-
-
-def _images(n: int) -> str:
-    return "1 image" if n == 1 else f"{n} images"
+    return UncalibratedCamera(camera.name, rejection)
 
 
 def _require_motion(cameras: Sequence[LiftedCamera]) -> None:
     movement = [movement_of(track, camera.stamps) for camera in cameras for track in camera.tracks]
     most = max(movement, default=0.0)
     if most < MIN_MOVEMENT:
-        raise Insufficient(
-            Status.DEGENERATE,
-            f"nobody moves: key points wander by {100 * most:.1f} % of a body's height at most, "
-            f"{100 * MIN_MOVEMENT:.0f} % are needed; have people walk through the scene",
+        still = Rejection(
+            RejectionReason.NO_MOTION, measured=most, limit=MIN_MOVEMENT, unit="body heights"
         )
+        raise Insufficient(Status.DEGENERATE, still)
 
 
 def movement_of(track: LiftedTrack, stamps: Float64Array) -> float:
-    """Slow movement of the limbs that move most, as a share of the body's height in the image.
+    """Return the slow movement of the limbs that move most, over the height of the body.
 
-    The range of the key points in time (10 % to 90 %, so that short exchanges of left and
+    The range of the keypoints in time (10 % to 90 %, so that short exchanges of left and
     right do not count), after noise from image to image has been averaged away; of the
     joints, the 90th percentile, since people may move their arms only.
     """
@@ -242,6 +249,6 @@ def movement_of(track: LiftedTrack, stamps: Float64Array) -> float:
 
 
 def _moving_sum(values: Float64Array, width: int) -> Float64Array:
-    """Sums over `width` successive entries of the first axis."""
+    """Return sums over `width` successive entries of the first axis."""
     total = np.cumsum(np.concatenate([np.zeros_like(values[:1]), values]), axis=0)
     return np.asarray(total[width:] - total[:-width])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -10,6 +10,8 @@ import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.recording import Intrinsics
+from stcalib_ros.core.model.rejection import Rejection, Remark
+from stcalib_ros.core.model.rejection_text import camera_sentence, sentence
 
 
 class Status(IntEnum):
@@ -34,16 +36,18 @@ class CameraCalibration:
     t_ref_cam : (3,) ndarray
         ``x_ref = R_ref_cam @ x_cam + t_ref_cam``; the camera's centre in the reference frame.
     covariance : (6, 6) ndarray
-        Of x, y, z, rotX, rotY, rotZ (rotation about the fixed axes of the reference frame, rad).
+        Covariance of x, y, z, rotX, rotY, rotZ (rotation about the fixed axes of the reference
+        frame, rad).
     time_offset_s, time_offset_stddev_s : float
         ``t_ref = t_cam + time_offset_s + clock_skew * (t_cam - epoch)``.
     clock_skew, clock_skew_stddev : float
-        Dimensionless. A skew of 0 with a deviation of more than 1e-5: the recording is too short
-        to tell it, and this is how well it would. NaN where it was not asked for.
+        Dimensionless. A skew of 0 with a standard deviation of more than 1e-5 is not observable in
+        a recording that short; this is the standard deviation that it would have had. NaN where
+        it was not asked for.
     line_time_s, line_time_stddev_s : float
-        Of a rolling shutter, seconds per row: the offset holds for row 0. The deviation is NaN
-        where the line time was not estimated. One that the recording does not tell is the given
-        one, with the deviation that it would have had.
+        Line delay of a rolling shutter, seconds per row: the offset holds for row 0. The standard
+        deviation is NaN where the line delay was not estimated. One that is not observable is
+        the given one, with the standard deviation that it would have had.
     """
 
     name: str
@@ -62,7 +66,7 @@ class CameraCalibration:
 
 @dataclass(frozen=True, slots=True)
 class PersonAssociation:
-    """One person: his tracks in every camera that saw him.
+    """One person: their tracks in every camera that observed them.
 
     Attributes
     ----------
@@ -70,7 +74,7 @@ class PersonAssociation:
     tracks : mapping of str to tuple of int
         Track ids by camera name.
     reprojection_rms_px : float
-        Of the inliers of this person.
+        Root mean square over the inliers of this person.
     margin : float
         How many times worse the next best assignment is; inf if there is none.
     """
@@ -89,11 +93,11 @@ class PairResidual:
     ----------
     camera_a, camera_b : str
     n_matches : int
-        Persons that both see.
+        Number of persons that both observe.
     median_angle_rad : float
-        Between the bone directions of the two monocular poses after rotation.
+        Median angle between the bone directions of the two monocular poses after rotation.
     epipolar_rms_px : float
-        Robust Sampson distance of the matched key points.
+        Robust Sampson distance of the matched keypoints.
     """
 
     camera_a: str
@@ -105,10 +109,22 @@ class PairResidual:
 
 @dataclass(frozen=True, slots=True)
 class UncalibratedCamera:
-    """A camera that could not be tied to the others, and why."""
+    """A camera that could not be connected to the others.
+
+    Attributes
+    ----------
+    name : str
+    rejection : Rejection
+        Why; its cameras are the group of connected cameras that this one belongs to.
+    """
 
     name: str
-    reason: str
+    rejection: Rejection
+
+    @property
+    def reason(self) -> str:
+        """The rejection as a sentence."""
+        return camera_sentence(self.name, self.rejection)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,14 +136,14 @@ class Calibration:
     status : Status
         Only ``OK`` is a calibration to be used.
     message : str
-        For a person: what was found, or why not and what to do.
+        Summary in one line for people, made from the records below.
     reference : str
         Camera whose clock is the reference, and whose optical frame unless `frame_id` names
         another.
     metric : bool
         Lengths are metres; else the unit is the distance between the first two cameras.
     epoch_s : float
-        Stamp (Unix seconds) at which the offsets hold.
+        Time (Unix seconds) at which the offsets hold.
     window_s : (float, float)
         First and last stamp used (Unix seconds, reference clock).
     cameras : tuple of CameraCalibration
@@ -135,17 +151,22 @@ class Calibration:
     persons : tuple of PersonAssociation
     pairs : tuple of PairResidual
     reprojection_rms_px : float
-        Of the inliers (the paper's E_2D).
+        Root mean square over the inliers (E_2D in the paper).
     n_observations, n_inliers : int
-        Image points looked at and image points used.
+        Number of keypoints of associated persons, and of inliers among them.
     joint_covariance : (7 C, 7 C) ndarray
-        Of all cameras together, in `parameter_order`; the unit of length counts as known.
+        Covariance of all cameras together, in `parameter_order`, with the unit of length as known.
     parameter_order : tuple of str
         ``"cam1.x"``, ..., ``"cam1.rot_z"``, ``"cam1.time_offset_s"``, ...
     frame_id : str
         Frame of the poses, z up and the floor at 0; empty: that of the reference camera.
     scale_stddev : float
-        Standard deviation of a metre of the result, as a share of it; NaN if not metric.
+        Relative standard deviation of the unit of length; NaN if not metric.
+    rejections : tuple of Rejection
+        Why the calibration is not to be used, the most important first; with ``OK``, what explains
+        that cameras were left out.
+    remarks : tuple of Remark
+        What could be better about a calibration that can be used.
     """
 
     status: Status
@@ -165,6 +186,8 @@ class Calibration:
     parameter_order: tuple[str, ...] = ()
     frame_id: str = ""
     scale_stddev: float = float("nan")
+    rejections: tuple[Rejection, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def reference_frame(self) -> str:
@@ -173,9 +196,29 @@ class Calibration:
         return self.frame_id or frames.get(self.reference, "")
 
     @property
-    def remarks(self) -> tuple[str, ...]:
-        """What the message of a good calibration says beyond how many cameras it has."""
-        if self.status is not Status.OK:
-            return ()
-        sentences = self.message.split("; ")[1:]
-        return tuple(f"{text[:1].upper()}{text[1:]}." for text in sentences)
+    def reasons(self) -> tuple[Rejection, ...]:
+        """All rejections: those of the calibration, then those of single cameras; each once."""
+        found = list(self.rejections)
+        found += [c.rejection for c in self.uncalibrated if c.rejection not in found]
+        return tuple(r for i, r in enumerate(found) if r not in found[:i])
+
+
+class Insufficient(Exception):
+    """The data cannot be calibrated; becomes a `Calibration` with that status.
+
+    Attributes
+    ----------
+    status : Status
+    rejection : Rejection
+    uncalibrated : tuple of UncalibratedCamera
+    """
+
+    def __init__(
+        self,
+        status: Status,
+        rejection: Rejection,
+        uncalibrated: Sequence[UncalibratedCamera] = (),
+    ) -> None:
+        super().__init__(sentence(rejection))
+        self.status, self.rejection = status, rejection
+        self.uncalibrated = tuple(uncalibrated)

@@ -1,25 +1,114 @@
-"""Why a calibration, or a camera of it, is rejected."""
+"""Why a calibration, or a camera of it, is rejected; and what is remarked on a good one: as data.
+
+The sentences that people read are made from these records by `rejection_text`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
 
-from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
+
+class RejectionReason(str, Enum):
+    """Code of a reason; the value is what files, messages and ``--json`` carry."""
+
+    # Before anything is computed
+    TOO_FEW_CAMERAS = "TOO_FEW_CAMERAS"
+    NO_PERSONS = "NO_PERSONS"
+    CLOCK_EPOCH_DIFFERS = "CLOCK_EPOCH_DIFFERS"
+    NO_TEMPORAL_OVERLAP = "NO_TEMPORAL_OVERLAP"
+    NO_MOTION = "NO_MOTION"
+    # Cameras that are not connected
+    NO_SHARED_MOTION = "NO_SHARED_MOTION"
+    NO_SHARED_OBSERVATIONS = "NO_SHARED_OBSERVATIONS"
+    DISCONNECTED = "DISCONNECTED"
+    UNMATCHED_OBSERVATIONS = "UNMATCHED_OBSERVATIONS"
+    # Checks of a camera
+    TOO_FEW_INLIERS = "TOO_FEW_INLIERS"
+    TOO_MANY_OUTLIERS = "TOO_MANY_OUTLIERS"
+    TOO_LITTLE_EXPLAINED = "TOO_LITTLE_EXPLAINED"
+    TOO_LITTLE_SHARED_TIME = "TOO_LITTLE_SHARED_TIME"
+    LOOKALIKES = "LOOKALIKES"
+    BONES_DISAGREE = "BONES_DISAGREE"
+    DISTANCES_DISAGREE = "DISTANCES_DISAGREE"
+    ROTATION_UNCERTAIN = "ROTATION_UNCERTAIN"
+    POSITION_UNCERTAIN = "POSITION_UNCERTAIN"
+    OFFSET_AMBIGUOUS = "OFFSET_AMBIGUOUS"
+    OFFSET_AMBIGUOUS_WITH_OUTLIERS = "OFFSET_AMBIGUOUS_WITH_OUTLIERS"
+    OFFSET_UNCERTAIN = "OFFSET_UNCERTAIN"
+    # The solution as a whole
+    RIVAL_SOLUTION = "RIVAL_SOLUTION"
+    NOT_CONVERGED = "NOT_CONVERGED"
+    INCONSISTENT_SCALE = "INCONSISTENT_SCALE"
+    NO_VERTICAL = "NO_VERTICAL"
+    # Motion that explains one of the above
+    PERIODIC_MOTION = "PERIODIC_MOTION"
+    IDENTICAL_MOTION = "IDENTICAL_MOTION"
+    COLLINEAR_MOTION = "COLLINEAR_MOTION"
+    # Runs that did not come to an end
+    CANCELLED = "CANCELLED"
+    INPUT_UNUSABLE = "INPUT_UNUSABLE"
+    SOLVER_FAILED = "SOLVER_FAILED"
+    # Files of versions with other codes
+    UNSPECIFIED = "UNSPECIFIED"
 
 
-class Insufficient(Exception):
-    """The data cannot be calibrated; becomes a `Calibration` with that status.
+@dataclass(frozen=True, slots=True)
+class Rejection:
+    """One reason, with the numbers that decided.
 
     Attributes
     ----------
-    status : Status
-    message : str
-    uncalibrated : tuple of UncalibratedCamera
+    reason : RejectionReason
+    cameras : tuple of str
+        Cameras that it is about, a group of connected ones together; empty: the calibration.
+    measured, limit : float
+        Measured value and the limit that it violates, both in `unit`; NaN where the reason is
+        not one number.
+    unit : str
+        ``rad``, ``s``, ``frames``, ``cameras``, ... ; empty for ratios and fractions.
+    others : tuple of str
+        Cameras, or sources of scale, that it was compared with.
+    values : mapping of str to float
+        Further numbers that the sentence names; units are in the names.
+    detail : str
+        Text of somebody else that is quoted, such as that of an error.
     """
 
-    def __init__(
-        self, status: Status, message: str, uncalibrated: Sequence[UncalibratedCamera] = ()
-    ) -> None:
-        super().__init__(message)
-        self.status, self.message = status, message
-        self.uncalibrated = tuple(uncalibrated)
+    reason: RejectionReason
+    cameras: tuple[str, ...] = ()
+    measured: float = float("nan")
+    limit: float = float("nan")
+    unit: str = ""
+    others: tuple[str, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+    detail: str = ""
+
+
+class RemarkCode(str, Enum):
+    """Code of a remark on a calibration that can be used."""
+
+    LEAST_CONSTRAINED_CAMERA = "LEAST_CONSTRAINED_CAMERA"
+    SHARE_MORE_VIEW = "SHARE_MORE_VIEW"
+    MOVE_FASTER = "MOVE_FASTER"
+    LEAVE_THE_LINE = "LEAVE_THE_LINE"
+    RECORD_LONGER = "RECORD_LONGER"
+    CLOCK_SKEW_NOT_OBSERVABLE = "CLOCK_SKEW_NOT_OBSERVABLE"
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """What could be better about a calibration that can be used.
+
+    Attributes
+    ----------
+    code : RemarkCode
+    cameras : tuple of str
+    values : mapping of str to float
+        Units are in the names.
+    """
+
+    code: RemarkCode
+    cameras: tuple[str, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)

@@ -32,13 +32,18 @@ _SOLE_HEIGHT = {True: 0.03, False: 0.10}
 _SOLE_STDDEV = 0.025
 _WIDEST_STEPS = 8.0
 _ITERATIONS = 20
+_MIN_HORIZONTAL = 0.2
+"""Sine of the angle between the optical axis of the reference camera and the vertical. Below it
+the camera looks down (or up), and its image's vertical gives the heading instead. Derived: the
+heading is uncertain by at most five times the tilt."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GravityFrame:
     """A frame with z up and the floor at z = 0.
 
-    x points where the reference camera looks, along the floor; the origin is below it.
+    x points where the reference camera looks, along the floor; the origin is below it. Where it
+    looks straight down or up, x points where the top, or the bottom, of its image does.
 
     Attributes
     ----------
@@ -199,9 +204,22 @@ def _level(up: Float64Array) -> Float64Array:
     return np.stack([x, np.cross(up, x), up])
 
 
+def heading_axis(R_world_ref: Float64Array) -> Float64Array:
+    """Axis (3,) of the reference camera whose horizontal direction is x of the world.
+
+    The optical axis; the vertical of the image where that is almost vertical itself. Both are the
+    same direction for a camera without roll that is tilted down or up.
+    """
+    up_ref = R_world_ref[2]
+    if np.hypot(up_ref[0], up_ref[1]) >= _MIN_HORIZONTAL:
+        return np.array([0.0, 0.0, 1.0])
+    return np.array([0.0, np.copysign(1.0, up_ref[2]), 0.0])
+
+
 def _facing(R: Float64Array) -> Float64Array:
-    """The same rotation turned about z, so that the reference camera looks along x."""
-    cosine, sine = R[:2, 2] / max(float(np.linalg.norm(R[:2, 2])), 1e-9)
+    """The same rotation turned about z, so that the reference camera heads along x."""
+    x, y, _ = R @ heading_axis(R)
+    cosine, sine = np.array([x, y]) / np.hypot(x, y)
     return np.asarray(np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ R)
 
 

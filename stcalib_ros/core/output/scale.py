@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.bundle.covariance import CENTRE_ROWS, largest_stddev, rows_of
-from stcalib_ros.core.bundle.parameters import propagate
+from stcalib_ros.core.bundle.scaled_system import propagate
 from stcalib_ros.core.geometry.lens import bearings
 from stcalib_ros.core.geometry.triangulation import triangulate, unit_rays
 from stcalib_ros.core.model.arrays import Float64Array

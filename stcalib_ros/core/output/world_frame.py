@@ -1,4 +1,4 @@
-"""Unit and frame of the result: metres if something says how long one is, upright if asked for."""
+"""Unit and frame of the result: metres where the scale is known, and upright if asked for."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from stcalib_ros.core.bundle.covariance import (
 from stcalib_ros.core.bundle.gauge import spread
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.limits import MIN_UNIT_BASELINE
-from stcalib_ros.core.bundle.parameters import propagate
+from stcalib_ros.core.bundle.scaled_system import propagate
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
@@ -26,7 +26,7 @@ from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.output.gravity import GravityFrame, find_upright
+from stcalib_ros.core.output.gravity import GravityFrame, find_upright, heading_axis
 from stcalib_ros.core.output.scale import (
     InconsistentScale,
     Scale,
@@ -39,22 +39,23 @@ from stcalib_ros.core.reconstruction.people import joint_paths
 from stcalib_ros.core.validation.cross_view import depth_scale
 
 _BLOCK_S = 1.0
+"""Seconds in which every walking person puts a foot down: one step takes about half of that."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WorldAlignment:
-    """How the result lies in the world.
+    """Scale, orientation and height of the result.
 
     Attributes
     ----------
     unit : float
         Factor from lengths of the adjustment to those of the result.
     metric : bool
-        The result's lengths are metres.
+        Whether lengths of the result are metres.
     scale_stddev : float
-        Of a metre, as a share; NaN if not metric.
-    upright : GravityFrame or None
-        Frame of the result, in the unit of the adjustment; None: that of the reference camera.
+        Relative standard deviation of lengths; NaN if not metric.
+    upright : GravityFrame, optional
+        Frame of the result, in the unit of the adjustment; default: that of the reference camera.
     rejection : Rejection, optional
         Why the result is not to be used.
     """
@@ -71,22 +72,22 @@ class WorldAlignment:
         return np.eye(3) if self.upright is None else self.upright.R_world_ref
 
     def to_result(self, points: Float64Array) -> Float64Array:
-        """Points (..., 3) of the adjustment in the frame and unit of the result."""
+        """Return points (..., 3) of the adjustment in the frame and unit of the result."""
         height = 0.0 if self.upright is None else self.upright.height
         return np.asarray(self.unit * (points @ self.R.T + [0.0, 0.0, height]))
 
     def covariance_of(self, rig: Rig, covariance: Float64Array) -> Float64Array:
-        """Joint covariance (7 C, 7 C) in the frame and unit of the result.
+        """Return the joint covariance (7 C, 7 C) in the frame and unit of the result.
 
-        What is not known of the direction of up and of the floor moves all cameras together, and
-        the reference camera, too. The unit counts as known, and so does the distance between the
+        The uncertainty of the vertical and of the floor moves all cameras together, the reference
+        camera included. The unit counts as known, and so does the distance between the
         first two cameras.
 
         Parameters
         ----------
         rig : Rig
         covariance : (7 C, 7 C) ndarray
-            As `pose_covariance` gives it.
+            Covariance in the frame of the reference camera, as `pose_covariance` returns it.
         """
         C = len(rig.cameras)
         G = block_diag(*[self.unit * self.R, self.R, np.eye(1)] * C)
@@ -100,9 +101,9 @@ class WorldAlignment:
 
     def _common_motion(self, t_ref_cam: Float64Array) -> Float64Array:
         """Derivative (7, 3) of a camera by the tilt about x and y and the height of the frame."""
-        forward = self.R[:, 2]
-        # The reference camera goes on looking along x: tilt about x turns about z, too.
-        turn = np.array([[1.0, 0.0], [0.0, 1.0], [forward[2] / max(forward[0], 1e-3), 0.0]])
+        heading = self.R @ heading_axis(self.R)
+        # The reference camera keeps its heading along x: tilt about x turns about z, too.
+        turn = np.array([[1.0, 0.0], [0.0, 1.0], [heading[2] / heading[0], 0.0]])
         J = np.zeros((len(PARAMETERS), 3))
         J[CENTRE_ROWS, :2] = -self.unit * hat(self.R @ t_ref_cam) @ turn
         J[CENTRE_ROWS.start + 2, 2] = self.unit
@@ -128,7 +129,7 @@ def place(
     skeleton : Skeleton
     last : Iteration
     covariance : (7 C, 7 C) ndarray
-        Of the rig of the round.
+        Covariance of the cameras of the rig.
     options : Options
     """
     people = tuple(joint_paths(last))
@@ -149,7 +150,7 @@ def place(
 
 
 def baseline_unit(rig: Rig) -> float:
-    """Factor that makes the distance between the first two cameras 1.
+    """Return the factor that makes the distance between the first two cameras 1.
 
     Where they are practically at one place: the spread of all cameras.
     """
@@ -160,7 +161,7 @@ def baseline_unit(rig: Rig) -> float:
 
 
 def first_two(rig: Rig) -> tuple[int, int]:
-    """Positions in the rig of its first two cameras in the order of the recording."""
+    """Return the positions in the rig of its first two cameras in the order of the recording."""
     first, second = np.argsort(rig.cameras, kind="stable")[:2].tolist()
     return first, second
 
@@ -174,30 +175,32 @@ def _scale(
     people: Sequence[Float64Array],
     options: Options,
 ) -> Scale | None:
-    """Length of the unit of the adjustment.
+    """Return the unit of the adjustment in metres; None if nothing determines it.
 
-    3D poses that are said to be metric are believed only as far as they agree with what was
-    given on purpose.
+    Metric 3D poses count only where they agree with what the user gave.
 
     Raises
     ------
     InconsistentScale
-        What was given contradicts itself.
+        Lengths that the user gave contradict each other.
     """
-    o = options.scale
-    given = [by_distance(d, recording, last.rig, covariance) for d in o.distances]
-    if o.body_height_m > 0:
+    scale = options.scale
+    given = [by_distance(d, recording, last.rig, covariance) for d in scale.distances]
+    if scale.body_height_m > 0:
         given.append(
             by_height(
-                skeleton.layout, people, height_m=o.body_height_m, sigma_m=o.body_height_sigma_m
+                skeleton.layout,
+                people,
+                height_m=scale.body_height_m,
+                sigma_m=scale.body_height_sigma_m,
             )
         )
-    claims = [claim for claim in given if claim is not None]
-    by_choice = fuse(claims)
+    cues = [cue for cue in given if cue is not None]
+    by_user = fuse(cues)
     if not all(recording.cameras[c].metric for c in last.rig.cameras):
-        return by_choice
-    poses = ScaleCue("the metric 3D poses", depth_scale(cameras, last), o.poses_sigma)
+        return by_user
+    poses = ScaleCue("the metric 3D poses", depth_scale(cameras, last), scale.poses_sigma)
     try:
-        return fuse([*claims, poses])
+        return fuse([*cues, poses])
     except InconsistentScale:
-        return by_choice
+        return by_user

@@ -22,7 +22,7 @@ from stcalib_ros.core.bundle.state import BundleState
 from stcalib_ros.core.bundle.state import initial_state as bundle_initial_state
 from stcalib_ros.core.integration.association import Association
 from stcalib_ros.core.integration.exclusions import Disconnected
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.options import BundleOptions
@@ -140,7 +140,7 @@ def discard(done: Iteration, factor: float) -> tuple[Association, Observations]:
     return verified, replace(o, seen=seen)
 
 
-def _mean_by(unit: IntArray, errors: Float64Array, n_units: int) -> Float64Array:
+def _mean_by(unit: IntArray, errors: Float32Array, n_units: int) -> Float64Array:
     """Means (units, C) of errors (N, C, J) over the rows of each unit; 0 where there are none."""
     known = np.isfinite(errors)
     total, count = np.zeros((2, n_units, errors.shape[1]))

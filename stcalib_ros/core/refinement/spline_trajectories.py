@@ -80,13 +80,13 @@ def with_splines(cameras: Sequence[LiftedCamera], last: Iteration, b: BundleOpti
 
 
 def _evenness(members: Sequence[LiftedCamera], last: Iteration) -> float:
-    """Share of the knots between its first and last image at which a camera has one; the least."""
+    """Smallest fraction of its time bins in which a camera has an image."""
     o = last.observations
-    share = []
+    occupied = []
     for camera, offset in zip(members, last.rig.offset_s, strict=True):
         knots = nearest_knots((camera.stamps + offset - o.start_s) / o.step_s)
-        share.append(len(np.unique(knots)) / (1 + int(knots[-1] - knots[0])))
-    return min(share)
+        occupied.append(len(np.unique(knots)) / (1 + int(knots[-1] - knots[0])))
+    return min(occupied)
 
 
 def trajectories(
@@ -112,18 +112,18 @@ def trajectories(
     out = []
     for rows in person_rows_of(o):
         at = _positions(o, rows, spacing)
-        known_here = known[rows]
-        if not known_here.any():
-            out.append(_of_nobody(len(cameras.t), at, known_here.shape[1]))
+        determined = known[rows]
+        if not determined.any():
+            out.append(_of_nobody(len(cameras.t), at, determined.shape[1]))
             continue
-        squares = (state.A[rows] ** 2).sum(-1) * known_here
-        square = squares.sum(0) / np.maximum(known_here.sum(0), 1) / 3.0
+        squares = (state.A[rows] ** 2).sum(-1) * determined
+        square = squares.sum(0) / np.maximum(determined.sum(0), 1) / 3.0
         square = np.maximum(square, 1e-3 * square.max() + 1e-30)
         precision = (sigma / (_ACCELERATION * step_s**2)) ** 2 / square
-        depth = np.linalg.norm(state.X[rows], axis=-1)[known_here]
+        depth = np.linalg.norm(state.X[rows], axis=-1)[determined]
         gain = float(np.median(o.focal[rows][o.seen[rows]]) / np.median(depth))
         coefficients = _through(
-            at, state.X[rows], gain**2 * known_here.astype(np.float64), precision
+            at, state.X[rows], gain**2 * determined.astype(np.float64), precision
         )
         sights = []
         for c in range(len(cameras.t)):
@@ -132,7 +132,7 @@ def trajectories(
             seen = o.seen[rows][there, c]
             sight = Sight(position, x[rows][there, c], o.focal[rows][there, c] * seen)
             away_px = spline_solver.errors_px(sight, cameras.only(c), coefficients, step_s)
-            inside = (away_px < limit) & known_here[there]
+            inside = (away_px < limit) & determined[there]
             sights.append(replace(sight, focal=sight.focal * inside))
         out.append(Trajectories(tuple(sights), coefficients, precision))
     return tuple(out)
@@ -164,7 +164,7 @@ def _image_delays(obs: Observations, state: BundleState) -> Float64Array:
 def _at_times_of_images(obs: Observations, state: BundleState) -> Float64Array:
     """Keypoints (N, C, J, 2) where they would be if all rows of an image were taken at once."""
     if obs.row is None:
-        return obs.x
+        return obs.x.astype(np.float64)
     u = []
     for one in (obs, replace(obs, row=None)):
         Z = camera_points(one, state)

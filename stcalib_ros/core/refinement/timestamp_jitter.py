@@ -170,8 +170,8 @@ def _posterior(
         Corrections there, and the mean of the prior.
     """
     observed = np.diagonal(H, axis1=1, axis2=2) > 0.0
-    away = mean_s - at_s
-    there = g + np.einsum("kcd,kd->kc", H, away)
+    difference = mean_s - at_s
+    there = g + np.einsum("kcd,kd->kc", H, difference)
     variance = np.full(g.shape[1], _FIRST_STDDEV_S**2)
     for _ in range(_RENEWALS):
         P = np.linalg.inv(H + np.diag(1.0 / variance))
@@ -181,7 +181,7 @@ def _posterior(
         variance = renewed_variance((step**2 * observed).sum(0), determined, _LEAST_STDDEV_S**2)
     root = np.sqrt(variance)
     volume = np.linalg.slogdet(np.eye(len(root)) + root[:, None] * H * root)[1].sum()
-    down = 0.5 * ((there + g) * away).sum()
+    down = 0.5 * ((there + g) * difference).sum()
     gain = -down - 0.5 * (there * step).sum() - 0.5 * volume
     return _Posterior(np.where(observed, mean_s + step, 0.0), posterior, float(gain))
 

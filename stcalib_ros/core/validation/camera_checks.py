@@ -1,14 +1,14 @@
-"""Is this calibration to be trusted? What each camera rests on, and what is wrong with it.
+"""Checks of each camera: what supports its pose and clock, and whether that is enough.
 
-The adjustment only sees image points. The monocular 3D poses are an independent witness:
-their bones must point the way the rotations say, and people must be as far from every camera
-as their size says. Other clock offsets are tried on the epipolar lines.
+The adjustment only knows keypoints. The monocular 3D poses are an independent check: their bones
+must point the way that the rotations say, and people must be as far from every camera as their size
+says. Other time offsets are tried on the epipolar lines.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,164 +23,171 @@ from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.outliers import image_points
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.validation.cross_view import bone_rotations, depth_ratios, usual_distances
 from stcalib_ros.core.validation.lookalikes import has_lookalike_alternative
 from stcalib_ros.core.validation.offset_ambiguity import offset_peak_ratios
-
-MIN_INLIERS = 400
-MAX_ROTATION_STDDEV = 0.015
-MAX_CENTRE_STDDEV = 0.10
-MAX_OFFSET_STDDEV_FRAMES = 1.0
-MAX_BONE_ROTATION = 0.3
-DEPTH_RATIO = 1.6
-MIN_INLIER_SHARE = 0.55
-LONG_ENOUGH_S = 2.5
-MIN_EXPLAINED_OF_SHORT = 0.7
-MIN_EXPLAINED = 0.5
-SURE_ROTATION_STDDEV = 0.005
-SURE_BONE_ROTATION = 0.1
-SURE_OFFSET_CONTRAST = 3.0
-MIN_OFFSET_CONTRAST = 1.2
-MANY_OUTLIERS = 0.2
-MIN_CONTRAST_WITH_OUTLIERS = 1.1
+from stcalib_ros.core.validation.thresholds import DEFAULT, CheckThresholds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraChecks:
-    """What the pose of one camera rests on.
+    """What supports the pose and the clock of one camera.
 
     Attributes
     ----------
     inliers : int
-        Image points that fit.
-    inlier_share : float
-        Of the image points of associated persons.
-    explained : float
-        Inliers over all image points that it has, of whomever. Two cameras that share nobody
-        still find a pose at which somebody's steps agree for a while.
+        Number of keypoints that fit.
+    inlier_fraction : float
+        Inliers over the keypoints of associated persons.
+    explained_fraction : float
+        Inliers over all keypoints that it has, of whomever. Two cameras that share nobody still
+        find a pose at which somebody's steps agree for a while.
     shared_s : float
-        Time for which it sees somebody together with another camera, summed over persons. Of a
-        second or two, some other stretch of steps fits as well sooner or later.
+        Time for which it observes somebody together with another camera, summed over persons. In
+        a second or two, some other stretch of steps fits as well.
     rotation_stddev : float
         Largest standard deviation of its rotation about any axis, rad.
-    centre_stddev : float
-        The same of its centre, over its usual distance from the people.
+    position_stddev : float
+        The same of its position, over its usual distance from the people.
     offset_stddev_frames : float
+        Standard deviation of its time offset.
     bone_rotation : float
-        Angle between its rotation and the one that the monocular poses ask for, rad; the
-        smallest over the cameras it shares people with.
+        Angle between its rotation and that of the bones of the monocular poses, rad; the smallest
+        over the cameras that it shares people with.
     depth_ratio : float
-        Distance of people by triangulation over distance by their size, relative to the
-        other cameras.
-    offset_contrast : float
-        How many times worse the best other offset, three frames or more away, fits.
-    other_offset_s : float
-        How far away that one is.
-    doubled : bool
-        It would fit at another place as well: everybody whom it sees moves like somebody else.
-    contrast_with_outliers : float
-        The contrast of its offset in all image points of associated persons, of the reference
-        camera's against all others, where many do not fit; else infinite.
+        Distance of people by triangulation over distance by their size, relative to the other
+        cameras.
+    offset_peak_ratio : float
+        Error at the best other time offset, three frames or more away, over the error at its own.
+    alternative_offset_s : float
+        Distance of that other time offset from its own.
+    has_lookalikes : bool
+        It would fit at another place as well: everybody whom it observes moves like somebody else.
+    offset_peak_ratio_with_outliers : float
+        `offset_peak_ratio` in all keypoints of associated persons, of the reference camera's
+        against all others, where many are outliers; else infinite.
     """
 
     inliers: int
-    inlier_share: float
-    explained: float
+    inlier_fraction: float
+    explained_fraction: float
     shared_s: float
     rotation_stddev: float
-    centre_stddev: float
+    position_stddev: float
     offset_stddev_frames: float
     bone_rotation: float
     depth_ratio: float
-    offset_contrast: float
-    other_offset_s: float
-    doubled: bool = False
-    contrast_with_outliers: float = float("inf")
+    offset_peak_ratio: float
+    alternative_offset_s: float
+    has_lookalikes: bool = False
+    offset_peak_ratio_with_outliers: float = float("inf")
 
-    def complaint(self) -> str | None:
-        """The first thing that is wrong, with its number and what would help; None if nothing."""
-        return self._unshared() or self._mixed_up() or self._uncertain()
 
-    def _unshared(self) -> str | None:
-        if self.inliers < MIN_INLIERS:
-            return (
-                f"only {self.inliers} of its image points fit, {MIN_INLIERS} are needed: "
-                "have people walk where it and the others see them"
-            )
-        if self.inlier_share < MIN_INLIER_SHARE:
-            return (
-                f"only {100 * self.inlier_share:.0f} % of its image points fit: check its "
-                "intrinsics, and that its key points belong to the image CameraInfo describes"
-            )
-        sure = (
-            self.rotation_stddev < SURE_ROTATION_STDDEV
-            and self.bone_rotation < SURE_BONE_ROTATION
-            and self.offset_contrast > SURE_OFFSET_CONTRAST
+def rejection(
+    checks: CameraChecks, thresholds: CheckThresholds = DEFAULT, *, camera: str = ""
+) -> Rejection | None:
+    """Return the first reason to reject a camera, with its number; None if there is none.
+
+    Parameters
+    ----------
+    checks : CameraChecks
+    thresholds : CheckThresholds
+        Limits to decide by.
+    camera : str
+        Name of the camera.
+    """
+    for violations in (_unsupported, _mixed_up, _uncertain):
+        for found in violations(checks, thresholds):
+            return replace(found, cameras=(camera,) if camera else ())
+    return None
+
+
+def _unsupported(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Rejection]:
+    """Yield what says that too little of what a camera observes agrees with the others."""
+    if checks.inliers < limits.min_inliers:
+        yield _violated(
+            RejectionReason.TOO_FEW_INLIERS, checks.inliers, limits.min_inliers, "keypoints"
         )
-        if self.explained < MIN_EXPLAINED and not sure:
-            return (
-                f"only {100 * self.explained:.0f} % of all that it sees agrees with the others: "
-                "it may show other people; let the same people walk where it and the others see "
-                "them, and record longer"
-            )
-        if self.shared_s < LONG_ENOUGH_S and self.explained < MIN_EXPLAINED_OF_SHORT:
-            return (
-                f"it shares only {self.shared_s:.1f} s of somebody's motion with the others, and "
-                f"only {100 * self.explained:.0f} % of all that it sees agrees with them: that may "
-                "be chance; let people stay in view of two cameras for longer"
-            )
-        return None
+    if checks.inlier_fraction < limits.min_inlier_fraction:
+        yield _violated(
+            RejectionReason.TOO_MANY_OUTLIERS, checks.inlier_fraction, limits.min_inlier_fraction
+        )
+    certain = (
+        checks.rotation_stddev < limits.certain_rotation_stddev
+        and checks.bone_rotation < limits.certain_bone_rotation
+        and checks.offset_peak_ratio > limits.certain_offset_peak_ratio
+    )
+    explained = checks.explained_fraction
+    if explained < limits.min_explained_fraction and not certain:
+        yield _violated(
+            RejectionReason.TOO_LITTLE_EXPLAINED, explained, limits.min_explained_fraction
+        )
+    short = checks.shared_s < limits.min_shared_s
+    if short and explained < limits.min_explained_fraction_if_short:
+        yield _violated(
+            RejectionReason.TOO_LITTLE_SHARED_TIME,
+            checks.shared_s,
+            limits.min_shared_s,
+            "s",
+            explained_fraction=explained,
+        )
 
-    def _mixed_up(self) -> str | None:
-        if self.doubled:
-            return (
-                "everybody whom it sees moves like somebody else at another place, and it fits "
-                "there as well: let everybody move in his own way"
-            )
-        if not self.bone_rotation < MAX_BONE_ROTATION:
-            return (
-                f"the bones of its 3D poses disagree with its rotation by "
-                f"{np.degrees(self.bone_rotation):.0f} degrees: persons may be mixed up; "
-                "record a longer clip with people who move differently"
-            )
-        if not 1 / DEPTH_RATIO < self.depth_ratio < DEPTH_RATIO:
-            return (
-                f"people would be {self.depth_ratio:.1f} times as far from it as their size says: "
-                "persons may be mixed up; record a longer clip with people who move differently"
-            )
-        return None
 
-    def _uncertain(self) -> str | None:
-        if not self.rotation_stddev < MAX_ROTATION_STDDEV:
-            return (
-                f"its rotation is uncertain by {np.degrees(self.rotation_stddev):.1f} degrees: "
-                "it shares too little with the others; let people walk across more of its view"
-            )
-        if not self.centre_stddev < MAX_CENTRE_STDDEV:
-            return (
-                f"its position is uncertain by {100 * self.centre_stddev:.0f} % of its distance "
-                "from the people: let them walk across more of its view"
-            )
-        if not self.offset_contrast > MIN_OFFSET_CONTRAST:
-            return (
-                f"its clock offset cannot be told: one that is {self.other_offset_s:.2f} s away "
-                f"fits as well (error {self.offset_contrast:.2f} times as large, "
-                f"{MIN_OFFSET_CONTRAST:.2f} needed); people have to move more, and not in the same "
-                "rhythm all the time"
-            )
-        if not self.contrast_with_outliers > MIN_CONTRAST_WITH_OUTLIERS:
-            return (
-                f"only {100 * self.inlier_share:.0f} % of its image points fit, and with another "
-                "clock offset all of them fit as well: people have to move more, and not in the "
-                "same rhythm all the time"
-            )
-        if not self.offset_stddev_frames < MAX_OFFSET_STDDEV_FRAMES:
-            return (
-                f"its clock offset is uncertain by {self.offset_stddev_frames:.1f} frames: "
-                "people have to move faster, or the clip has to be longer"
-            )
-        return None
+def _mixed_up(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Rejection]:
+    """Yield what says that persons are taken for each other."""
+    if checks.has_lookalikes:
+        yield Rejection(RejectionReason.LOOKALIKES)
+    if not checks.bone_rotation < limits.max_bone_rotation:
+        yield _violated(
+            RejectionReason.BONES_DISAGREE, checks.bone_rotation, limits.max_bone_rotation, "rad"
+        )
+    least, most = 1 / limits.max_depth_ratio, limits.max_depth_ratio
+    if not least < checks.depth_ratio < most:
+        yield _violated(RejectionReason.DISTANCES_DISAGREE, checks.depth_ratio, most, least=least)
+
+
+def _uncertain(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Rejection]:
+    """Yield what says that pose or clock are not determined."""
+    if not checks.rotation_stddev < limits.max_rotation_stddev:
+        yield _violated(
+            RejectionReason.ROTATION_UNCERTAIN,
+            checks.rotation_stddev,
+            limits.max_rotation_stddev,
+            "rad",
+        )
+    if not checks.position_stddev < limits.max_position_stddev:
+        yield _violated(
+            RejectionReason.POSITION_UNCERTAIN, checks.position_stddev, limits.max_position_stddev
+        )
+    if not checks.offset_peak_ratio > limits.min_offset_peak_ratio:
+        yield _violated(
+            RejectionReason.OFFSET_AMBIGUOUS,
+            checks.offset_peak_ratio,
+            limits.min_offset_peak_ratio,
+            alternative_s=checks.alternative_offset_s,
+        )
+    if not checks.offset_peak_ratio_with_outliers > limits.min_offset_peak_ratio_with_outliers:
+        yield _violated(
+            RejectionReason.OFFSET_AMBIGUOUS_WITH_OUTLIERS,
+            checks.offset_peak_ratio_with_outliers,
+            limits.min_offset_peak_ratio_with_outliers,
+            inlier_fraction=checks.inlier_fraction,
+        )
+    if not checks.offset_stddev_frames < limits.max_offset_stddev_frames:
+        yield _violated(
+            RejectionReason.OFFSET_UNCERTAIN,
+            checks.offset_stddev_frames,
+            limits.max_offset_stddev_frames,
+            "frames",
+        )
+
+
+def _violated(
+    reason: RejectionReason, measured: float, limit: float, unit: str = "", **values: float
+) -> Rejection:
+    return Rejection(reason, (), float(measured), float(limit), unit, values=values)
 
 
 def check_cameras(
@@ -191,7 +198,7 @@ def check_cameras(
     *,
     offset_range_s: float,
 ) -> tuple[CameraChecks, ...]:
-    """Evidence on every camera of the rig, the reference included.
+    """Check every camera of a rig, the reference included.
 
     Parameters
     ----------
@@ -200,45 +207,65 @@ def check_cameras(
     skeleton : Skeleton
     last : Iteration
     covariance : (7 C, 7 C) ndarray
-        As `covariance.pose_covariance` gives it.
+        Covariance of poses and time offsets, as `pose_covariance` returns it.
     offset_range_s : float
-        Other offsets are tried within plus and minus this.
+        Other time offsets are tried within plus and minus this.
     """
-    C, frame_s = len(last.rig.cameras), last.observations.step_s
-    asked = not last.rig.synchronised
-    max_shift = int(np.ceil(offset_range_s / frame_s))
-    contrast, away_s = offset_peak_ratios(last, max_shift=max_shift)
-    used, seen = last.state.used.sum((0, 2)), last.observations.seen.sum((0, 2))
-    inlier_share = used / np.maximum(seen, 1)
-    with_outliers = np.full(C, np.inf)
-    if asked and inlier_share.min() < 1.0 - MANY_OUTLIERS:
-        found_all, _ = offset_peak_ratios(last, max_shift=max_shift, with_outliers=True)
-        with_outliers = np.where(inlier_share < 1.0 - MANY_OUTLIERS, found_all, np.inf)
-    shared = last.state.used.any(2).sum(0)
+    frame_s = last.observations.step_s
+    inliers, observed = last.state.used.sum((0, 2)), last.observations.seen.sum((0, 2))
+    inlier_fraction = inliers / np.maximum(observed, 1)
+    offsets = _offset_checks(last, inlier_fraction, offset_range_s)
+    shared_s = last.state.used.any(2).sum(0) * frame_s
     total = image_points([cameras[c] for c in last.rig.cameras])
     reach = usual_distances(last)
-    turned = bone_rotations(cameras, skeleton, last)
+    rotation = bone_rotations(cameras, skeleton, last)
     depth = depth_ratios(cameras, last)
     depth /= np.nanmedian(depth) if np.isfinite(depth).any() else 1.0
-    doubled = has_lookalike_alternative(last)
+    lookalikes = has_lookalike_alternative(last)
     found = []
-    for c in range(C):
+    for c in range(len(last.rig.cameras)):
         block = covariance[np.ix_(rows_of(c), rows_of(c))]
         found.append(
             CameraChecks(
-                inliers=int(used[c]),
-                inlier_share=float(inlier_share[c]),
-                explained=float(used[c] / max(int(total[c]), 1)),
-                shared_s=float(shared[c]) * frame_s,
+                inliers=int(inliers[c]),
+                inlier_fraction=float(inlier_fraction[c]),
+                explained_fraction=float(inliers[c] / max(int(total[c]), 1)),
+                shared_s=float(shared_s[c]),
                 rotation_stddev=largest_stddev(block[ROTATION_ROWS, ROTATION_ROWS]),
-                centre_stddev=largest_stddev(block[CENTRE_ROWS, CENTRE_ROWS]) / float(reach[c]),
+                position_stddev=largest_stddev(block[CENTRE_ROWS, CENTRE_ROWS]) / float(reach[c]),
                 offset_stddev_frames=largest_stddev(block[OFFSET_ROW:, OFFSET_ROW:]) / frame_s,
-                bone_rotation=float(np.nanmin(turned[c], initial=np.inf)),
+                bone_rotation=float(np.nanmin(rotation[c], initial=np.inf)),
                 depth_ratio=float(depth[c]),
-                offset_contrast=float(contrast[c]) if asked and c else float("inf"),
-                other_offset_s=float(away_s[c]),
-                doubled=bool(doubled[c]),
-                contrast_with_outliers=float(with_outliers[c]),
+                offset_peak_ratio=float(offsets.peak_ratio[c]),
+                alternative_offset_s=float(offsets.alternative_s[c]),
+                has_lookalikes=bool(lookalikes[c]),
+                offset_peak_ratio_with_outliers=float(offsets.peak_ratio_with_outliers[c]),
             )
         )
     return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OffsetChecks:
+    """Fields of `CameraChecks` about time offsets, of all cameras (C,)."""
+
+    peak_ratio: Float64Array
+    alternative_s: Float64Array
+    peak_ratio_with_outliers: Float64Array
+
+
+def _offset_checks(
+    last: Iteration, inlier_fraction: Float64Array, offset_range_s: float
+) -> _OffsetChecks:
+    """Compare other time offsets; where clocks are known, and of the reference, nothing is."""
+    C, many = len(last.rig.cameras), 1.0 - DEFAULT.many_outliers
+    max_shift = int(np.ceil(offset_range_s / last.observations.step_s))
+    ratio, alternative_s = offset_peak_ratios(last, max_shift=max_shift)
+    with_outliers = np.full(C, np.inf)
+    if last.rig.synchronised:
+        return _OffsetChecks(np.full(C, np.inf), alternative_s, with_outliers)
+    if inlier_fraction.min() < many:
+        of_all, _ = offset_peak_ratios(last, max_shift=max_shift, with_outliers=True)
+        with_outliers = np.where(inlier_fraction < many, of_all, np.inf)
+    ratio[0] = np.inf
+    return _OffsetChecks(ratio, alternative_s, with_outliers)

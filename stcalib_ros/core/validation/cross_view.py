@@ -1,4 +1,4 @@
-"""How cameras and monocular 3D poses agree: bones, distances of people, pair by pair."""
+"""Agreement of cameras with the monocular 3D poses and with one another, pair by pair."""
 
 from __future__ import annotations
 
@@ -17,12 +17,18 @@ from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.relative_pose import RelativePose, relative_pose
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.registration.two_view_refinement import correspondences
+from stcalib_ros.core.validation.limits import MIN_BONE_PAIRS
 
-_BONE_FRAMES = 400
+_MAX_FRAMES = 400
+"""Frames of a camera, or of a pair of cameras, that are compared; purely numerical: more frames
+change medians by less than their scatter."""
+_INLIER_FACTOR = 3.0
+"""Times the median Sampson distance. Residuals beyond it do not count in the root mean square of a
+pair, which is reported and decides nothing."""
 
 
 def matches_of(last: Iteration, a: int, b: int) -> tuple[tuple[int, int], ...]:
-    """Tracks of two cameras (positions in the rig) that are one person in some slot."""
+    """Return the tracks of two cameras (positions in the rig) that are one person at some time."""
     person_a, person_b = last.association.person_of[a], last.association.person_of[b]
     same = (person_a[:, None] == person_b[None]) & (person_a[:, None] >= 0)
     return tuple((int(p), int(q)) for p, q in np.argwhere(same.any(-1)))
@@ -31,13 +37,31 @@ def matches_of(last: Iteration, a: int, b: int) -> tuple[tuple[int, int], ...]:
 def bone_rotations(
     cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration
 ) -> Float64Array:
-    """Angle (C, C) between relative rotations of the rig and of the bones; NaN without matches."""
+    """Compare relative rotations of the rig with those of the bones of the monocular 3D poses.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+        All cameras.
+    skeleton : Skeleton
+    last : Iteration
+
+    Returns
+    -------
+    (C, C) ndarray
+        Angle between the two, rad; NaN where too few bones are common.
+
+    References
+    ----------
+    W. Kabsch, "A solution for the best rotation to relate two sets of vectors", Acta
+    Crystallographica A32, 1976.
+    """
     C = len(last.rig.cameras)
     angle = np.full((C, C), np.nan)
     for a in range(C):
         for b in range(a + 1, C):
             v_a, v_b = _matched_bones(cameras, skeleton, last, a, b)
-            if len(v_a) >= 100:
+            if len(v_a) >= MIN_BONE_PAIRS:
                 R_a_b = last.rig.R_ref_cam[a].T @ last.rig.R_ref_cam[b]
                 by_bones = best_rotation(v_a.T @ v_b)
                 angle[a, b] = angle[b, a] = float(rotation_angle(R_a_b.T @ by_bones))
@@ -47,14 +71,14 @@ def bone_rotations(
 def _matched_bones(
     cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration, a: int, b: int
 ) -> tuple[Float64Array, Float64Array]:
-    """Bones (M, 3), (M, 3) of the same moments in the two optical frames, metres; thinned."""
+    """Bones (M, 3), (M, 3) at common times in the two optical frames, m; of some frames only."""
     rig = last.rig
     cam_a, cam_b = cameras[rig.cameras[a]], cameras[rig.cameras[b]]
     lag = rig.offset_s[a] - rig.offset_s[b]
     period = frame_period(cam_b.stamps)
     pairs_a, pairs_b = [np.zeros((0, 3))], [np.zeros((0, 3))]
     matches = matches_of(last, a, b)
-    stride = max(1, sum(len(cam_a.tracks[p].frames) for p, _ in matches) // _BONE_FRAMES)
+    stride = max(1, sum(len(cam_a.tracks[p].frames) for p, _ in matches) // _MAX_FRAMES)
     for p, q in matches:
         track_a, track_b = cam_a.tracks[p], cam_b.tracks[q]
         times = cam_a.stamps[track_a.frames[::stride]]
@@ -77,27 +101,40 @@ def _bones(joints: Float64Array, skeleton: Skeleton) -> Float64Array:
 
 
 def usual_distances(last: Iteration) -> Float64Array:
-    """Median distance (C,) of the people from each camera along its axis, in the rig's unit."""
+    """Return the median depth (C,) of the people in each camera, in the unit of the adjustment."""
     state = last.state
     Z = state.X @ state.R_cam_ref[:, 2].T + state.t_cam_ref[:, 2]
-    seen = state.used.transpose(0, 2, 1)
+    inlier = state.used.transpose(0, 2, 1)
     return np.array(
         [
-            np.median(Z[..., c][seen[..., c]]) if seen[..., c].any() else np.nan
+            np.median(Z[..., c][inlier[..., c]]) if inlier[..., c].any() else np.nan
             for c in range(Z.shape[-1])
         ]
     )
 
 
 def depth_ratios(cameras: Sequence[LiftedCamera], last: Iteration) -> Float64Array:
-    """Triangulated over monocular distance of people from each camera (C,); NaN if unknown."""
-    o, state = last.observations, last.state
+    """Compare triangulated depths of people with those of their monocular 3D poses.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+        All cameras.
+    last : Iteration
+
+    Returns
+    -------
+    (C,) ndarray
+        Median of the triangulated over the monocular depth of all inliers of a camera, in the unit
+        of the adjustment over metres; NaN without inliers.
+    """
+    obs, state = last.observations, last.state
     ratio = np.full(len(last.rig.cameras), np.nan)
     for c, index in enumerate(last.rig.cameras):
-        rows = np.flatnonzero((o.track[:, c] >= 0) & state.used[:, c].any(-1))
-        rows = rows[:: max(1, len(rows) // 400)]
+        rows = np.flatnonzero((obs.track[:, c] >= 0) & state.used[:, c].any(-1))
+        rows = rows[:: max(1, len(rows) // _MAX_FRAMES)]
         Z = state.X[rows] @ state.R_cam_ref[c][2] + state.t_cam_ref[c][2]
-        lifted = _lifted_depths(cameras[index], o.track[rows, c], _times(last, rows, c))
+        lifted = _lifted_depths(cameras[index], obs.track[rows, c], _times(last, rows, c))
         both = state.used[rows, c] & np.isfinite(lifted) & (lifted > 0)
         if both.any():
             ratio[c] = float(np.median(Z[both] / lifted[both]))
@@ -105,33 +142,42 @@ def depth_ratios(cameras: Sequence[LiftedCamera], last: Iteration) -> Float64Arr
 
 
 def depth_scale(cameras: Sequence[LiftedCamera], last: Iteration) -> float:
-    """Factor from the unit of the adjustment to metres, by the size of the people."""
+    """Return the factor from the unit of the adjustment to metres, by the size of the people."""
     ratio = depth_ratios(cameras, last)
     return 1.0 / float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else 1.0
 
 
 def _times(last: Iteration, rows: IntArray, c: int) -> Float64Array:
-    """Times of images by the clock of their camera."""
-    o = last.observations
-    reference = o.start_s + o.knot[rows] * o.step_s + o.phi[rows, c]
+    """Times of images by the clock of their camera, s."""
+    obs = last.observations
+    reference = obs.start_s + obs.knot[rows] * obs.step_s + obs.phi[rows, c]
     return np.asarray(reference - last.rig.offset_s[c] + last.state.shift_s[c])
 
 
 def _lifted_depths(camera: LiftedCamera, tracks: IntArray, times: Float64Array) -> Float64Array:
+    """Monocular depths (N, J) of tracks (N,) in the frames nearest to some times (N,), m."""
     J = camera.tracks[0].x.shape[1]
     depth = np.full((len(tracks), J), np.nan)
     for p in np.unique(tracks):
         track = camera.tracks[p]
-        mine = np.flatnonzero(tracks == p)
-        nearest = np.searchsorted(camera.stamps[track.frames], times[mine] - 1e-6)
-        depth[mine] = track.joints_cam[np.minimum(nearest, len(track.frames) - 1), :, 2]
+        rows, stamps = np.flatnonzero(tracks == p), camera.stamps[track.frames]
+        nearest = np.searchsorted(0.5 * (stamps[1:] + stamps[:-1]), times[rows])
+        depth[rows] = track.joints_cam[nearest, :, 2]
     return depth
 
 
 def pair_residuals(
     cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration
 ) -> tuple[PairResidual, ...]:
-    """How well every two cameras with common persons agree."""
+    """Measure how well every two cameras with common persons agree.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+        All cameras.
+    skeleton : Skeleton
+    last : Iteration
+    """
     found = []
     rig = last.rig
     for a in range(len(rig.cameras)):
@@ -140,34 +186,36 @@ def pair_residuals(
             v_a, v_b = _matched_bones(cameras, skeleton, last, a, b)
             if not len(v_a):
                 continue
-            h = relative_pose(rig, a, b, matches)
+            pose = relative_pose(rig, a, b, matches)
             persons = set(last.association.person_of[a].ravel().tolist()) & set(
                 last.association.person_of[b].ravel().tolist()
             )
             found.append(
                 PairResidual(
-                    cameras[h.a].name,
-                    cameras[h.b].name,
+                    cameras[pose.a].name,
+                    cameras[pose.b].name,
                     len(persons - {-1}),
-                    _median_angle(v_a, v_b @ h.R_a_b.T),
-                    _epipolar_rms(cameras, h),
+                    _median_angle(v_a, v_b @ pose.R_a_b.T),
+                    _epipolar_rms(cameras, pose),
                 )
             )
     return tuple(found)
 
 
 def _median_angle(v: Float64Array, w: Float64Array) -> float:
+    """Median angle between two lists of vectors (M, 3), rad."""
     cosine = (v * w).sum(-1) / np.maximum(
         np.linalg.norm(v, axis=-1) * np.linalg.norm(w, axis=-1), 1e-12
     )
     return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-def _epipolar_rms(cameras: Sequence[LiftedCamera], h: RelativePose) -> float:
-    """Sampson distance, px, of the inliers (three times the median)."""
-    c = correspondences(cameras, h)
-    if not len(c.x_a):
+def _epipolar_rms(cameras: Sequence[LiftedCamera], pose: RelativePose) -> float:
+    """Root mean square Sampson distance of the inliers of a pair, px; NaN without observations."""
+    common = correspondences(cameras, pose)
+    if not len(common.x_a):
         return float("nan")
-    r = np.abs(sampson(hat(h.t_a_b / np.linalg.norm(h.t_a_b)) @ h.R_a_b, c.x_a, c.x_b) * c.focal)
-    inliers = r[r <= max(3.0 * float(np.median(r)), 1e-12)]
+    E = hat(pose.t_a_b / np.linalg.norm(pose.t_a_b)) @ pose.R_a_b
+    r = np.abs(sampson(E, common.x_a, common.x_b) * common.focal)
+    inliers = r[r <= max(_INLIER_FACTOR * float(np.median(r)), 1e-12)]
     return float(np.sqrt((inliers**2).mean()))

@@ -1,7 +1,8 @@
-"""What the motion of the people leaves open: steps that repeat, people who move alike, one line.
+"""Ambiguities of the observed motion: it repeats, people move identically, all stay on one line.
 
-Told from the people as they were reconstructed. Two stretches of motion are compared by their bone
-directions, after the rotation that suits them best: what two cameras could not tell apart either.
+They explain why a solution was refused; none is refused by them. Two stretches of reconstructed
+motion are compared by their bone directions after the best rotation: what two cameras could not
+distinguish either.
 """
 
 from __future__ import annotations
@@ -15,100 +16,114 @@ import numpy as np
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.reconstruction.people import found_persons, people_on_grid
 from stcalib_ros.core.registration.correlation import PairCovariance, cross_covariance
-
-_LONGEST_PERIOD_S = 3.0
-_SHORTEST_PERIOD_S = 0.25
-_MIN_OVERLAP_S = 1.0
-_RETURNS = 0.9
-"""Of the way to unlike poses and back, the part that counts as being back."""
-_ALIKE = 0.97
-_LINE_LENGTH = 0.5
-_LINE_WIDTH = 0.1
+from stcalib_ros.core.validation.limits import (
+    MAX_LINE_WIDTH,
+    MIN_LINE_LENGTH,
+    MIN_PERIOD_OVERLAP_S,
+    MIN_PERIOD_RETURN,
+    MIN_POSE_SIMILARITY,
+    PERIOD_RANGE_S,
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Ambiguity:
-    """What does not tell clocks, people or places apart.
+    """What makes clocks, people or poses of cameras ambiguous.
 
     Attributes
     ----------
     periods_s : tuple of float
-        After which the motion of each person repeats itself; empty if somebody's does not.
-    alike : tuple of (int, int)
-        Persons who move alike, by their numbers in the result.
-    on_a_line : bool
+        Periods of each person's motion, s; empty if somebody's motion does not repeat.
+    identical : tuple of (int, int)
+        Pairs of persons who move identically, by their numbers in the result.
+    collinear : bool
         Everybody stays on one straight line.
     """
 
     periods_s: tuple[float, ...] = ()
-    alike: tuple[tuple[int, int], ...] = ()
-    on_a_line: bool = False
+    identical: tuple[tuple[int, int], ...] = ()
+    collinear: bool = False
 
-    def sentences(self) -> list[str]:
-        """What there is of these, and what would help."""
-        said = []
+    def rejections(self) -> tuple[Rejection, ...]:
+        """Return what there is of these."""
+        found = []
         if self.periods_s:
-            said.append(
-                f"everybody's motion repeats itself after {_range(self.periods_s)}: offsets that "
-                "are wrong by that look right; let people turn, stop and start"
-            )
-        if self.alike:
-            pairs = ", ".join(f"{p} and {q}" for p, q in self.alike)
-            said.append(f"persons {pairs} move alike: let everybody move in his own way")
-        if self.on_a_line:
-            said.append("everybody stays on one line: let people walk across it, too")
-        return said
+            values = {"shortest_s": min(self.periods_s), "longest_s": max(self.periods_s)}
+            found.append(Rejection(RejectionReason.PERIODIC_MOTION, values=values))
+        for p, q in self.identical:
+            values = {"person_a": float(p), "person_b": float(q)}
+            found.append(Rejection(RejectionReason.IDENTICAL_MOTION, values=values))
+        if self.collinear:
+            found.append(Rejection(RejectionReason.COLLINEAR_MOTION))
+        return tuple(found)
 
 
 def find_ambiguity(
     cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration
 ) -> Ambiguity:
-    """Compare the people of a round with one another and with themselves at other times."""
+    """Compare people with one another, and with themselves at other times.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+        All cameras.
+    skeleton : Skeleton
+    last : Iteration
+    """
     step_s = last.observations.step_s
     people, numbers = people_on_grid(skeleton, last)
     ids = {number: person.person_id for number, person in found_persons(cameras, last)}
     known = [i for i, number in enumerate(numbers) if number in ids]
     if not known:
         return Ambiguity()
-    cov = cross_covariance(people, people, max_lag=round(_LONGEST_PERIOD_S / step_s))
-    score = cov.score(min_overlap=round(_MIN_OVERLAP_S / step_s))
+    cov = cross_covariance(people, people, max_lag=round(PERIOD_RANGE_S[1] / step_s))
+    score = cov.score(min_overlap=round(MIN_PERIOD_OVERLAP_S / step_s))
     periods = [period_s(score[i, i], cov, step_s) for i in known]
-    at_once = score[:, :, len(cov.lags) // 2]
+    at_same_time = score[:, :, len(cov.lags) // 2]
     return Ambiguity(
         tuple(p for p in periods if p is not None) if None not in periods else (),
         tuple(
             (min(pair), max(pair))
             for i, j in combinations(known, 2)
-            if at_once[i, j] > _ALIKE
+            if at_same_time[i, j] > MIN_POSE_SIMILARITY
             for pair in [(ids[numbers[i]], ids[numbers[j]])]
         ),
-        on_a_line(last),
+        is_collinear(last),
     )
 
 
 def period_s(score: Float64Array, cov: PairCovariance, step_s: float) -> float | None:
-    """Time after which a motion looks as it did, by its agreement (L,) with itself at all lags.
+    """Return the period of a motion, s; None if it does not repeat.
 
-    It has to become unlike itself in between.
+    Parameters
+    ----------
+    score : (L,) ndarray
+        Similarity of the motion with itself at all lags. Between two repetitions it has to fall.
+    cov : PairCovariance
+        Its lags are those of the score.
+    step_s : float
+        Sample interval, s.
     """
     later = score[len(cov.lags) // 2 :]
-    for lag in range(max(2, round(_SHORTEST_PERIOD_S / step_s)), len(later) - 1):
+    for lag in range(max(2, round(PERIOD_RANGE_S[0] / step_s)), len(later) - 1):
         nearby = later[lag - 1 : lag + 2]
         if not np.isfinite(nearby).all() or later[lag] < nearby.max():
             continue
         lowest = float(np.nanmin(later[1:lag]))
-        if later[lag] - lowest > _RETURNS * (later[1] - lowest) and lowest < _ALIKE:
+        has_returned = later[lag] - lowest > MIN_PERIOD_RETURN * (later[1] - lowest)
+        if has_returned and lowest < MIN_POSE_SIMILARITY:
             return float(cov.lags[len(cov.lags) // 2 + lag] * step_s)
     return None
 
 
-def on_a_line(last: Iteration) -> bool:
-    """Whether the middles of all people at all times make one straight line.
+def is_collinear(last: Iteration) -> bool:
+    """Return whether the centres of all people at all times are on one straight line.
 
-    The unit of a round is about a metre: people are as large as usual in it.
+    The unit of the adjustment is about a metre: people have their usual size in it.
     """
     known = last.state.triangulated()
     count = known.sum(1)
@@ -116,9 +131,4 @@ def on_a_line(last: Iteration) -> bool:
     weight = known[rows, :, None] / count[rows, None, None]
     body = (last.state.X[rows] * weight).sum(1)
     spread = np.linalg.svd(body - body.mean(0), compute_uv=False) / np.sqrt(len(body))
-    return bool(spread[0] > _LINE_LENGTH and spread[1] < _LINE_WIDTH)
-
-
-def _range(periods: Sequence[float]) -> str:
-    low, high = min(periods), max(periods)
-    return f"{low:.2f} s" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f} to {high:.2f} s"
+    return bool(spread[0] > MIN_LINE_LENGTH and spread[1] < MAX_LINE_WIDTH)

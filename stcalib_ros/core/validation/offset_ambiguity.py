@@ -1,4 +1,4 @@
-"""How clearly the images tell a camera's clock offset from all others."""
+"""Whether another time offset of a camera fits about as well as the one that was found."""
 
 from __future__ import annotations
 
@@ -12,53 +12,89 @@ from stcalib_ros.core.bundle.state import person_rows_of
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.relative_pose import relative_pose
+from stcalib_ros.core.validation.limits import (
+    MIN_OFFSET_DIFFERENCE_FRAMES,
+    MIN_OFFSET_POINTS,
+    OFFSET_ERROR_SCALE,
+)
 
-_FAR_FRAMES = 3
-_CONTRAST_SCALE = 2.0
-_CONTRAST_JOINTS = 5
-_MIN_CONTRAST_POINTS = 60
+_JOINTS = 5
+"""Joints of a person that are compared, about; purely numerical: neighbours move alike."""
+_FINE_FRAMES = 9
+"""Frames. From here on every third alternative is tried; purely numerical: errors vary slowly."""
 
 
 def offset_peak_ratios(
     last: Iteration, *, max_shift: int, with_outliers: bool = False
 ) -> tuple[Float64Array, Float64Array]:
-    """Error (C,) of each camera's best other offset over its error at the offset found.
+    """Compare the error at each camera's offset with that at the best other offset.
 
-    And how far away (C,) that one is, seconds. Of the points that fit, or of all of the persons
-    `with_outliers`: those that do not fit here may do so there.
+    The error is the epipolar distance to the observations of the other cameras, shifted by whole
+    time bins; it does not depend on the triangulated points. Where nobody moves, all offsets fit
+    equally well and the ratio is one.
 
-    The error is the epipolar distance to the points of the other cameras, shifted by whole
-    knots: it owes nothing to the triangulated points. Where nobody moves, all shifts fit
-    alike and the contrast is one; where too few points are common it is zero.
+    Parameters
+    ----------
+    last : Iteration
+    max_shift : int
+        Largest difference of an alternative from the offset found, time bins.
+    with_outliers : bool
+        Use all observations of associated persons, not inliers alone: outliers at the offset found
+        may fit at another one.
+
+    Returns
+    -------
+    ratio : (C,) ndarray
+        Smallest mean error of all alternatives over the mean error at the offset found. Zero where
+        too few observations are common, infinite where the range has no alternatives.
+    distance_s : (C,) ndarray
+        How far from the offset found the best alternative is, s; zero without alternatives.
     """
+    shifts = _shifts(max_shift)
+    scale = OFFSET_ERROR_SCALE * max(last.association.typical_px, 1.0)
+    total, count = _costs_by_camera(last, shifts, scale, with_outliers=with_outliers)
+    known = count >= MIN_OFFSET_POINTS
+    mean = np.where(known, total / np.maximum(count, 1), np.inf)
+    found = len(shifts) // 2
+    others = np.where(shifts != 0, mean, np.inf)
+    best = others.min(1)
+    here = np.where(known[:, found], np.maximum(mean[:, found], 1e-12), np.inf)
+    distance_s = np.abs(shifts[others.argmin(1)]) * last.observations.step_s
+    return np.where(known[:, found], best, 0.0) / here, distance_s
+
+
+def _shifts(max_shift: int) -> IntArray:
+    """Alternatives within plus and minus `max_shift` time bins, and 0 in their middle."""
+    far = [
+        *range(MIN_OFFSET_DIFFERENCE_FRAMES, min(_FINE_FRAMES, max_shift + 1)),
+        *range(_FINE_FRAMES, max_shift + 1, 3),
+    ]
+    return np.array([*(-d for d in reversed(far)), 0, *far])
+
+
+def _costs_by_camera(
+    last: Iteration, shifts: IntArray, scale: float, *, with_outliers: bool
+) -> tuple[Float64Array, Float64Array]:
+    """Sums of robust costs (C, S) of each camera at each shift, and their counts (C, S)."""
     C = len(last.rig.cameras)
-    far = [*range(_FAR_FRAMES, 3 * _FAR_FRAMES), *range(3 * _FAR_FRAMES, max_shift + 1, 3)]
-    shifts = np.array([*(-d for d in reversed(far)), 0, *far])
-    scale = _CONTRAST_SCALE * max(last.association.typical_px, 1.0)
     total, count = np.zeros((C, len(shifts))), np.zeros((C, len(shifts)))
     taken = last.observations.seen if with_outliers else last.state.used
-    for path in _image_paths(last, taken):
+    for path in _paths_at_bins(last, taken):
         for a in range(C):
             for b in range(a + 1, C):
-                h = relative_pose(last.rig, a, b)
-                E = hat(h.t_a_b / np.linalg.norm(h.t_a_b)) @ h.R_a_b
+                pose = relative_pose(last.rig, a, b)
+                E = hat(pose.t_a_b / np.linalg.norm(pose.t_a_b)) @ pose.R_a_b
                 cost, n = _shifted_costs(E, path[a], path[b], shifts, scale)
                 for c, order in ((a, slice(None, None, -1)), (b, slice(None))):
                     total[c] += cost[order]
                     count[c] += n[order]
-    known = count >= _MIN_CONTRAST_POINTS
-    mean = np.where(known, total / np.maximum(count, 1), np.inf)
-    found = np.flatnonzero(shifts == 0)[0]
-    others = np.where(shifts != 0, mean, np.inf)
-    here = np.where(known[:, found], np.maximum(mean[:, found], 1e-12), np.inf)
-    away_s = np.abs(shifts[others.argmin(1)]) * last.observations.step_s
-    return np.where(known[:, found], others.min(1), 0.0) / here, away_s
+    return total, count
 
 
 def _shifted_costs(
     E: Float64Array, a: Float64Array, b: Float64Array, shifts: IntArray, scale: float
 ) -> tuple[Float64Array, Float64Array]:
-    """Robust epipolar cost of knots k of a with knots k + shift of b, and how many there are."""
+    """Robust epipolar cost (S,) of bins k of a with bins k + shift of b, and counts (S,)."""
     n = len(a)
     cost, count = np.zeros(len(shifts)), np.zeros(len(shifts))
     line_a, line_b = b[..., :3] @ E.T, a[..., :3] @ E
@@ -75,30 +111,30 @@ def _shifted_costs(
     return cost, count
 
 
-def _image_paths(last: Iteration, taken: BoolArray) -> Iterator[Float64Array]:
-    """Points (C, K, J, 4) of one person after the other: x, y, 1 on the plane z = 1 and focal.
+def _paths_at_bins(last: Iteration, taken: BoolArray) -> Iterator[Float64Array]:
+    """Observations (C, K, J, 4) of one person after the other: x, y, 1 at z = 1, and focal length.
 
-    Brought to the time of their knots by the motion model; a few joints; NaN where not taken
-    (N, C, J).
+    The motion model brings them from the times of their images to those of their bins. A few
+    joints; NaN where not taken (N, C, J).
     """
-    o, state = last.observations, last.state
-    joints = slice(None, None, max(1, o.x.shape[2] // _CONTRAST_JOINTS))
-    R = np.swapaxes(state.R_cam_ref, -1, -2)
-    for rows in person_rows_of(o):
-        X = (state.X[rows][:, None, joints], at_images(o, state, rows)[:, :, joints])
-        at_knot, at_image = (one @ R + state.t_cam_ref[:, None] for one in X)
+    obs, state = last.observations, last.state
+    joints = slice(None, None, max(1, obs.x.shape[2] // _JOINTS))
+    R_ref_cam = np.swapaxes(state.R_cam_ref, -1, -2)
+    for rows in person_rows_of(obs):
+        X = (state.X[rows][:, None, joints], at_images(obs, state, rows)[:, :, joints])
+        at_bin, at_image = (one @ R_ref_cam + state.t_cam_ref[:, None] for one in X)
         with np.errstate(divide="ignore", invalid="ignore"):
-            motion = at_image[..., :2] / at_image[..., 2:] - at_knot[..., :2] / at_knot[..., 2:]
+            motion = at_image[..., :2] / at_image[..., 2:] - at_bin[..., :2] / at_bin[..., 2:]
         points = np.concatenate(
             [
-                o.x[rows, :, joints] - motion,
+                obs.x[rows, :, joints] - motion,
                 np.ones_like(motion[..., :1]),
-                o.focal[rows, :, joints, None],
+                obs.focal[rows, :, joints, None],
             ],
             -1,
         )
         points[~taken[rows, :, joints]] = np.nan
-        knots = o.knot[rows] - o.knot[rows][0]
-        path = np.full((points.shape[1], int(knots[-1]) + 1, *points.shape[2:]), np.nan)
-        path[:, knots] = np.moveaxis(points, 1, 0)
+        bins = obs.knot[rows] - obs.knot[rows][0]
+        path = np.full((points.shape[1], int(bins[-1]) + 1, *points.shape[2:]), np.nan)
+        path[:, bins] = np.moveaxis(points, 1, 0)
         yield path

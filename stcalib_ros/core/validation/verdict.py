@@ -1,4 +1,4 @@
-"""What is said of a calibration: its status, and one line for a person."""
+"""The verdict on a solution: its status, with the reasons."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from stcalib_ros.core.integration.exclusions import Exclusions
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
 from stcalib_ros.core.model.skeleton import Skeleton
-from stcalib_ros.core.validation.camera_checks import CameraChecks
+from stcalib_ros.core.validation.camera_checks import CameraChecks, rejection
 from stcalib_ros.core.validation.motion_ambiguity import find_ambiguity
 from stcalib_ros.core.validation.recommendations import (
-    least_constrained_camera,
+    recommend,
     unobservable_clock_skews,
 )
 
@@ -31,15 +32,18 @@ class Solution:
         Checks of the cameras of the rig.
     exclusions : Exclusions
         Cameras that were left out.
-    doubt : str
-        What speaks against the solution as a whole; empty if nothing does.
+    unsettled : int
+        Number of cameras that the last iteration before refinement still moved.
+    rival : Rejection, optional
+        Another solution that fits about as well.
     """
 
     iterations: tuple[Iteration, ...]
     covariance: Float64Array
     checks: tuple[CameraChecks, ...]
     exclusions: Exclusions
-    doubt: str = ""
+    unsettled: int
+    rival: Rejection | None = None
 
     @property
     def last(self) -> Iteration:
@@ -49,16 +53,35 @@ class Solution:
     @property
     def sound(self) -> bool:
         """Whether every camera passes its checks."""
-        return all(one.complaint() is None for one in self.checks)
+        return all(rejection(checks) is None for checks in self.checks)
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """Status of a calibration, with the reasons.
+
+    Attributes
+    ----------
+    status : Status
+    rejections : tuple of Rejection
+        Why it is not to be used, the most important first; with ``OK``, what explains that cameras
+        were left out.
+    remarks : tuple of Remark
+        What could be better about a calibration that can be used.
+    """
+
+    status: Status
+    rejections: tuple[Rejection, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
 
 def judge(
     cameras: Sequence[LiftedCamera],
     skeleton: Skeleton,
     solution: Solution,
-    doubt: str,
-) -> tuple[Status, str]:
-    """Status of a calibration, and the message that goes with it.
+    misaligned: Rejection | None,
+) -> Judgement:
+    """Judge a solution.
 
     Parameters
     ----------
@@ -66,46 +89,55 @@ def judge(
         All cameras.
     skeleton : Skeleton
     solution : Solution
-    doubt : str
-        What else speaks against it; empty if nothing does.
+    misaligned : Rejection, optional
+        Why scale or frame of the result are not determined.
     """
     last = solution.last
     names = [cameras[c].name for c in last.rig.cameras]
-    doubts = [
-        f"{name}: {complaint}"
-        for name, one in zip(names, solution.checks, strict=True)
-        if (complaint := one.complaint())
+    failed = [
+        rejection(checks, camera=name) for name, checks in zip(names, solution.checks, strict=True)
     ]
-    against = [text for text in (solution.doubt, "; ".join(doubts), doubt) if text]
+    against = [found for found in (solution.rival, *failed, misaligned) if found is not None]
     if against:
-        open_questions = find_ambiguity(cameras, skeleton, last).sentences()
-        return Status.DEGENERATE, "; ".join([against[0], *open_questions])
-    step_s = last.observations.step_s
-    if len(solution.iterations) > 1 and solution.iterations[-2].differing(last, step_s):
-        message = "the adjustment had not settled after the last round: raise bundle.rounds"
-        return Status.NOT_CONVERGED, message
-    parts = [f"{len(names)} of {len(cameras)} cameras calibrated"]
-    parts += [
-        least_constrained_camera(names, solution.checks, last),
-        unobservable_clock_skews(last),
-    ]
-    if solution.exclusions.cameras:
-        parts += find_ambiguity(cameras, skeleton, last).sentences()
-    return Status.OK, "; ".join(part for part in parts if part)
-
-
-def rivalry(best: Iteration, other: Iteration, *, offset_range_s: float) -> str:
-    """Say how two solutions that fit alike differ."""
-    apart_s = best.clock_difference_s(other)
-    frames = apart_s / best.observations.step_s
-    what = (
-        f"their clocks differ by {frames:.1f} frames ({apart_s:.2f} s)"
-        if frames >= 1.0
-        else "their poses differ"
+        explained = find_ambiguity(cameras, skeleton, last).rejections()
+        return Judgement(Status.DEGENERATE, (*against, *explained))
+    if solution.unsettled:
+        reason = RejectionReason.NOT_CONVERGED
+        found = Rejection(reason, measured=float(solution.unsettled), limit=0.0, unit="cameras")
+        return Judgement(Status.NOT_CONVERGED, (found,))
+    remarks = (
+        *recommend(names, solution.checks, last),
+        *unobservable_clock_skews(last),
     )
-    return (
-        f"two solutions fit about equally well, but {what}: motion that repeats itself, or "
-        "people who move alike, do not tell them apart, or the true offset lies outside of "
-        f"offset_range_s (+-{offset_range_s:g} s); set that to what is possible, "
-        "or record more varied motion"
+    left_out = solution.exclusions.cameras
+    explained = find_ambiguity(cameras, skeleton, last).rejections() if left_out else ()
+    return Judgement(Status.OK, explained, remarks)
+
+
+def unsettled_cameras(iterations: Sequence[Iteration]) -> int:
+    """Return how many cameras the last iteration still moved, or whose clock by a frame.
+
+    Parameters
+    ----------
+    iterations : sequence of Iteration
+        Those of ISTBA. A refinement corrects biases that the iterations before it do not model, and
+        so may move cameras further.
+    """
+    if len(iterations) < 2:
+        return 0
+    before, last = iterations[-2:]
+    return before.differing(last, last.observations.step_s)
+
+
+def rival_solution(best: Iteration, other: Iteration, *, offset_range_s: float) -> Rejection:
+    """Return by how much two solutions that fit about equally well differ."""
+    difference_s = best.clock_difference_s(other)
+    return Rejection(
+        RejectionReason.RIVAL_SOLUTION,
+        measured=difference_s,
+        unit="s",
+        values={
+            "frames": difference_s / best.observations.step_s,
+            "offset_range_s": offset_range_s,
+        },
     )

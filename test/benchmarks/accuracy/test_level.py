@@ -5,11 +5,12 @@ from dataclasses import replace
 from fractions import Fraction
 
 import pytest
+from exclusion_helpers import left_out
 
 from benchmarks.accuracy import level, measure
 from benchmarks.accuracy.scenarios import SCENARIOS, Scenario
 from stcalib_ros.core.errors import CalibrationError
-from stcalib_ros.core.model.calibration import Status, UncalibratedCamera
+from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.synthetic import SceneOptions
 
 SCENARIO = Scenario(
@@ -61,7 +62,7 @@ def test_a_missing_camera_and_a_bad_status_count_as_not_solved(play):
             status=Status.DEGENERATE,
             message="hm",
             cameras=truth.cameras[:3],
-            uncalibrated=(UncalibratedCamera("cam3", "too few people"),),
+            uncalibrated=(left_out("cam3", "too few people"),),
         )
 
     play(partly)

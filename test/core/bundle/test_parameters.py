@@ -22,9 +22,9 @@ from stcalib_ros.core.bundle.parameters import (
     ParameterLayout,
     PointTimes,
     PointView,
-    propagate,
 )
 from stcalib_ros.core.bundle.residuals import camera_points
+from stcalib_ros.core.bundle.scaled_system import propagate
 from stcalib_ros.core.geometry.so3 import exp_so3
 
 EVERY = np.ones(3, dtype=bool)

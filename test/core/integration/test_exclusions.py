@@ -11,8 +11,8 @@ from stcalib_ros.core.integration.exclusions import (
     largest_group,
     largest_part,
 )
-from stcalib_ros.core.model.calibration import Status
-from stcalib_ros.core.model.rejection import Insufficient
+from stcalib_ros.core.model.calibration import Insufficient, Status
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
 
@@ -27,27 +27,32 @@ def tied(*pairs):
 
 
 def reasons(exclusions):
-    return {camera.name: camera.reason for camera in exclusions.cameras}
+    return {camera.name: camera.rejection for camera in exclusions.cameras}
 
 
 def test_the_group_of_the_reference_is_kept_in_the_given_order():
     kept, exclusions = largest_group(NONE, [4, 0, 1, 2, 3], tied((2, 4), (0, 1), (1, 3)))
     assert kept == [4, 2]
-    assert reasons(exclusions)["door"] == (
-        "shares nobody's motion with gate, wall; it forms a separate group with desk, roof"
+    group = Rejection(
+        RejectionReason.DISCONNECTED, ("door", "desk", "roof"), others=("gate", "wall")
     )
+    assert reasons(exclusions) == dict.fromkeys(("door", "desk", "roof"), group)
+    assert exclusions.cameras[0].reason.endswith("; it forms a separate group with desk, roof")
     assert not NONE.cameras
 
 
 def test_without_company_the_reference_is_left_out_itself():
     kept, exclusions = largest_group(NONE, [0, 1, 2], tied((1, 2)))
     assert kept == [1, 2]
-    assert reasons(exclusions) == {"door": "shares nobody's motion with desk, wall"}
+    alone = Rejection(RejectionReason.DISCONNECTED, ("door",), others=("desk", "wall"))
+    assert reasons(exclusions) == {"door": alone}
 
 
 def test_no_connection_at_all_is_too_little():
-    with pytest.raises(Insufficient, match="agree within 2 s") as end:
+    with pytest.raises(Insufficient) as end:
         largest_group(NONE, [0, 1], [])
+    assert end.value.rejection.reason is RejectionReason.NO_SHARED_MOTION
+    assert end.value.rejection.limit == 2.0
     assert end.value.status is Status.INSUFFICIENT_DATA
     assert [camera.name for camera in end.value.uncalibrated] == ["desk"]
 
@@ -57,10 +62,13 @@ def test_a_part_of_a_rig_keeps_its_cameras():
     part, exclusions = largest_part(NONE, rig, Disconnected(((0, 2), (1,))))
     assert part.cameras.tolist() == [3, 0]
     assert list(reasons(exclusions)) == ["desk"]
-    with pytest.raises(Insufficient, match="could not be matched"):
+    assert reasons(exclusions)["desk"].reason is RejectionReason.UNMATCHED_OBSERVATIONS
+    with pytest.raises(Insufficient) as end:
         largest_part(exclusions, rig, Disconnected(((0,), (1,), (2,))))
+    assert end.value.rejection.reason is RejectionReason.NO_SHARED_OBSERVATIONS
 
 
 def test_a_camera_that_is_tried_again_is_not_left_out():
-    exclusions = NONE.adding([1, 3], "saw nobody").reinstating([3])
-    assert reasons(exclusions) == {"desk": "saw nobody"}
+    why = Rejection(RejectionReason.TOO_FEW_INLIERS, ("desk",), 9.0, 400.0)
+    exclusions = NONE.adding([1, 3], why).reinstating([3])
+    assert reasons(exclusions) == {"desk": why}

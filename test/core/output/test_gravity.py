@@ -52,6 +52,20 @@ def test_the_camera_is_found_in_its_world(yaw, pitch, roll, height):
     assert upright.height == pytest.approx(height, abs=0.08)
 
 
+@pytest.mark.parametrize("pitch", [-np.pi / 2, np.pi / 2])
+def test_the_heading_of_a_camera_that_looks_down_or_up_is_not_noise(pitch):
+    """A camera at the ceiling or on the floor, and the same one tipped by a thousandth."""
+    headings = []
+    for tip in (-1e-3, 0.0, 1e-3):
+        R = exp_so3(np.array([tip, tip, 0.0])) @ camera(0.5, pitch, 0.0)
+        upright, _ = find_upright(LAYOUT, seen_from(R, 2.5, walkers()), block=SECOND)
+        headings.append(upright.R_world_ref)
+    for R in headings:
+        assert np.linalg.norm(R - headings[1]) < 0.05
+    # Its image's vertical is along x.
+    assert abs(headings[1][0, 1]) == pytest.approx(1.0, abs=0.01)
+
+
 def test_lengths_may_have_any_unit():
     people = seen_from(camera(0.3, 0.2, 0.0), 2.0, walkers())
     metres, _ = find_upright(LAYOUT, people, block=SECOND)

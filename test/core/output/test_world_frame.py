@@ -15,7 +15,7 @@ from stcalib_ros.core.model.rejection import RejectionReason
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.scale_cues import Distance
 from stcalib_ros.core.options import ScaleOptions
-from stcalib_ros.core.output.gravity import GravityFrame
+from stcalib_ros.core.output.gravity import GravityFrame, heading_axis
 from stcalib_ros.core.output.world_frame import WorldAlignment
 from stcalib_ros.core.pipeline import calibrate, run_stages
 
@@ -116,10 +116,20 @@ def test_the_frame_does_not_change_the_cameras_among_themselves(small_scene):
     assert difference.E_t < 1e-9
 
 
-def test_common_motion_is_that_of_the_frame():
+def rotation_looking(pitch, roll=0.0):
+    """R_world_ref of a camera that is pitched down from looking along x, and rolled."""
+    level = np.array([[0, 0, 1.0], [-1, 0, 0], [0, -1, 0]])
+    return exp_so3(np.array([0, pitch, 0])) @ level @ exp_so3(np.array([0, 0, roll]))
+
+
+DOWN = np.pi / 2
+
+
+@pytest.mark.parametrize("pitch", [0.4, DOWN - 0.05, DOWN, DOWN + 0.05, -DOWN, -DOWN + 0.05])
+def test_common_motion_is_that_of_the_frame(pitch):
     """Against finite differences: the same points in a frame that is tilted and lifted a little."""
     rng = np.random.default_rng(0)
-    tilted = exp_so3(np.array([0.0, 0.4, 0.0])) @ np.array([[0, 0, 1.0], [-1, 0, 0], [0, -1, 0]])
+    tilted = rotation_looking(pitch)
     rig = Rig(
         np.arange(3), exp_so3(rng.normal(size=(3, 3))), rng.normal(size=(3, 3)), np.zeros(3), 1
     )
@@ -128,7 +138,7 @@ def test_common_motion_is_that_of_the_frame():
 
     def placed(wx, wy, dh):
         R = exp_so3(np.array([wx, wy, 0.0])) @ tilted
-        c, s = R[:2, 2] / np.linalg.norm(R[:2, 2])
+        c, s = (R @ heading_axis(R))[:2] / np.linalg.norm((R @ heading_axis(R))[:2])
         R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ R
         return WorldAlignment(2.0, upright=GravityFrame(R, 1.5 + dh, np.eye(3)))
 
@@ -142,3 +152,19 @@ def test_common_motion_is_that_of_the_frame():
             ) / step
             J[7 * c + 3 : 7 * c + 6, k] = log_so3(moved.R @ base.R.T) / step
     np.testing.assert_allclose(base.covariance_of(rig, np.zeros((21, 21))), J @ J.T, atol=1e-4)
+
+
+@pytest.mark.parametrize("pitch", [0.0, 1.3, DOWN - 1e-4, DOWN, DOWN + 1e-4, -DOWN])
+def test_the_heading_is_never_much_less_certain_than_the_tilt(pitch):
+    frame = GravityFrame(rotation_looking(pitch), 2.5, np.diag([1e-4, 1e-4, 1e-4]))
+    rig = Rig(np.arange(2), np.tile(np.eye(3), (2, 1, 1)), np.eye(3)[:2], np.zeros(2), 1)
+    covariance = WorldAlignment(1.0, upright=frame).covariance_of(rig, np.zeros((14, 14)))
+    assert np.sqrt(covariance[5, 5]) < 5.0 * 1e-2
+
+
+@pytest.mark.parametrize("pitch", [-1.5, -1.2, 0.0, 1.2, 1.5])
+def test_a_camera_that_tips_over_keeps_its_heading(pitch):
+    """Optical axis and image vertical are one heading for a camera without roll."""
+    x, y, _ = rotation_looking(pitch) @ heading_axis(rotation_looking(pitch))
+    assert x > 0.19
+    assert y == pytest.approx(0.0, abs=1e-12)

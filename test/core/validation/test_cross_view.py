@@ -41,6 +41,16 @@ def test_a_camera_further_away_contradicts_the_size_of_people(small_stages, last
     np.testing.assert_allclose(after[[0, 2]], before[[0, 2]])
 
 
+@pytest.mark.parametrize("fraction", [-0.4, -0.01, 0.01, 0.4])
+def test_distances_are_compared_with_the_nearest_frame(small_stages, last, fraction):
+    """Also where a correction moves the time of an image away from its timestamp."""
+    corrected = replace(last.state, shift_s=last.state.shift_s + fraction / 30.0)
+    before, after = (
+        depth_ratios(small_stages.lifted, one) for one in (last, replace(last, state=corrected))
+    )
+    np.testing.assert_array_equal(after, before)
+
+
 def test_the_scale_is_that_of_the_people(small_stages, small_scene, last):
     factor = depth_scale(small_stages.lifted, last)
     found = np.linalg.norm(last.rig.t_ref_cam[1]) * factor

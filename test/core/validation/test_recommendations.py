@@ -9,10 +9,11 @@ import pytest
 from core_helpers import HALF_SECOND, SMALL, SOUND
 
 from stcalib_ros.core.bundle.iteration import ClockSkews
+from stcalib_ros.core.model.rejection import RemarkCode
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.synthetic import simulate
 from stcalib_ros.core.validation.recommendations import (
-    least_constrained_camera,
+    recommend,
     shared_s,
     unobservable_clock_skews,
 )
@@ -26,39 +27,43 @@ def last(small_stages):
 
 
 def said(last, **changes):
-    """Of three cameras, the last one changed."""
-    return least_constrained_camera(NAMES, [SOUND, SOUND, replace(SOUND, **changes)], last)
+    """Remarks on three cameras, the last one changed."""
+    return recommend(NAMES, [SOUND, SOUND, replace(SOUND, **changes)], last)
 
 
 @pytest.mark.parametrize(
-    ("changes", "numbers"),
+    ("changes", "value"),
     [
-        ({"rotation_stddev": 0.002}, r"rotation to 0.11 degrees"),
-        ({"centre_stddev": 0.05}, r"position to 5 % of its distance"),
-        ({"offset_stddev_frames": 0.5}, r"clock to 17 ms"),
+        ({"rotation_stddev": 0.002}, {"rotation_stddev_deg": np.degrees(0.002)}),
+        ({"position_stddev": 0.05}, {"position_stddev_percent": 5.0}),
+        ({"offset_stddev_frames": 0.5}, {"offset_stddev_ms": 1e3 * 0.5 / 30}),
     ],
 )
-def test_the_camera_with_the_largest_deviations_is_named_with_them(last, changes, numbers):
-    text = said(last, **changes)
-    assert text.startswith("least is known of cam2 (")
-    assert numbers in text
+def test_the_least_constrained_camera_is_named_with_its_standard_deviations(last, changes, value):
+    remark, _ = said(last, **changes)
+    assert remark.code is RemarkCode.LEAST_CONSTRAINED_CAMERA
+    assert remark.cameras == ("cam2",)
+    assert {**remark.values, **value} == pytest.approx(remark.values)
 
 
-def test_an_uncertain_clock_wants_faster_people(last):
-    assert "people who move faster" in said(last, offset_stddev_frames=0.5)
-    assert "people who move faster" not in said(last, rotation_stddev=0.01)
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"offset_stddev_frames": 0.5}, RemarkCode.MOVE_FASTER),
+        ({"rotation_stddev": 0.002}, RemarkCode.RECORD_LONGER),
+        ({"rotation_stddev": 0.01, "shared_s": 2.0}, RemarkCode.SHARE_MORE_VIEW),
+    ],
+)
+def test_advice_fits_the_weakness(last, changes, code):
+    assert said(last, **changes)[1].code is code
 
 
 def test_little_in_common_wants_people_where_the_views_overlap(last):
-    text = said(last, rotation_stddev=0.01, shared_s=2.0)
-    assert "it shares 2.0 s of people's motion with the others, who share 8.0 s" in text
+    _, advice = said(last, rotation_stddev=0.01, shared_s=2.0)
     common = shared_s(last)[2]
     partner = int(np.argmin(common[:2]))
-    assert f"let people walk where it and cam{partner} see them ({common[partner]:.1f} s)" in text
-
-
-def test_else_a_longer_clip_helps(last):
-    assert "a clip twice as long" in said(last, rotation_stddev=0.002)
+    assert advice.cameras == ("cam2", f"cam{partner}")
+    assert advice.values == {"shared_s": 2.0, "usual_s": 8.0, "common_s": common[partner]}
 
 
 def test_the_advice_of_a_longer_clip_holds():
@@ -67,7 +72,7 @@ def test_the_advice_of_a_longer_clip_holds():
         run_stages(simulate(replace(SMALL, n_frames=n, seed=5)).recording, HALF_SECOND)
         for n in (80, 160)
     )
-    assert "a clip twice as long would make that about 30 % less" in short.calibration.message
+    assert RemarkCode.RECORD_LONGER in [r.code for r in short.calibration.remarks]
     before, after = (
         np.sqrt([np.trace(c.covariance[3:, 3:]) for c in stages.calibration.cameras[1:]]).max()
         for stages in (short, long)
@@ -75,9 +80,9 @@ def test_the_advice_of_a_longer_clip_holds():
     assert after == pytest.approx(0.7 * before, rel=0.35)
 
 
-def test_known_clocks_have_no_deviation(last):
+def test_known_clocks_have_no_standard_deviation(last):
     known = replace(last, rig=replace(last.rig, synchronised=True))
-    assert "clock" not in said(known, rotation_stddev=0.01)
+    assert "offset_stddev_ms" not in said(known, rotation_stddev=0.01)[0].values
 
 
 def test_shared_time_is_that_of_common_knots(last):
@@ -96,23 +101,29 @@ def rates(last, ppm, skew=0.0):
     return replace(last, clock_skews=ClockSkews(np.array([0.0, skew, 0.0]), stddev, 0.0))
 
 
-def test_why_clock_rates_are_left_out_is_said_with_the_number(last):
+def test_why_clock_skews_are_not_estimated_is_said_with_the_number(last):
     length_s = np.ptp(last.observations.knot) * last.observations.step_s
-    text = unobservable_clock_skews(rates(last, (40.0, 80.0)))
-    assert f"{length_s:.0f} s tell them to 80 ppm, 10 are needed" in text
-    assert f"about {length_s * 4:.0f} s would do" in text
+    (remark,) = unobservable_clock_skews(rates(last, (40.0, 80.0)))
+    assert remark.code is RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE
+    assert remark.values == pytest.approx(
+        {"length_s": length_s, "stddev_ppm": 80.0, "limit_ppm": 10.0, "enough_s": 4 * length_s}
+    )
 
 
-def test_rates_that_are_told_or_not_asked_for_are_not_excused(last):
-    assert unobservable_clock_skews(rates(last, (5.0, 5.0), skew=2e-6)) != ""
-    told = replace(last, clock_skews=ClockSkews(np.full(3, 2e-6), np.full(3, 4e-6), 0.0))
-    assert unobservable_clock_skews(told) == ""
-    assert unobservable_clock_skews(replace(last, clock_skews=None)) == ""
+def test_of_a_clip_without_any_information_only_its_length_is_said(last):
+    (remark,) = unobservable_clock_skews(rates(last, (np.inf, 80.0)))
+    assert set(remark.values) == {"length_s"}
 
 
-def test_a_short_clip_says_it_in_its_message(small_stages):
-    message = small_stages.calibration.message
-    assert "clock rates are left out: 3 s tell them to" in message
-    assert "least is known of cam" in message
-    worst = max(c.clock_skew_stddev for c in small_stages.calibration.cameras)
-    assert f"to {1e6 * worst:.0f} ppm" in message
+def test_skews_that_are_observable_or_not_asked_for_need_no_remark(last):
+    assert unobservable_clock_skews(rates(last, (5.0, 5.0), skew=2e-6))
+    observable = replace(last, clock_skews=ClockSkews(np.full(3, 2e-6), np.full(3, 4e-6), 0.0))
+    assert unobservable_clock_skews(observable) == ()
+    assert unobservable_clock_skews(replace(last, clock_skews=None)) == ()
+
+
+def test_a_short_clip_says_it_in_its_remarks(small_stages):
+    calibration = small_stages.calibration
+    (remark,) = [r for r in calibration.remarks if r.code is RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE]
+    worst = max(c.clock_skew_stddev for c in calibration.cameras)
+    assert remark.values["stddev_ppm"] == pytest.approx(1e6 * worst)

@@ -1,4 +1,4 @@
-"""Status and message: what counts first, and what is said of rivals."""
+"""Status and reasons: what counts first, and how rivals differ."""
 
 from __future__ import annotations
 
@@ -6,13 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from core_helpers import HALF_SECOND
 
 from stcalib_ros.core.bundle.covariance import pose_covariance
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.integration.exclusions import Exclusions
 from stcalib_ros.core.model.calibration import Status
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, RemarkCode
+from stcalib_ros.core.pipeline import calibrate
+from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.validation.camera_checks import check_cameras
-from stcalib_ros.core.validation.verdict import Solution, judge, rivalry
+from stcalib_ros.core.validation.verdict import (
+    Solution,
+    judge,
+    rival_solution,
+    unsettled_cameras,
+)
 
 
 @pytest.fixture(scope="module")
@@ -22,59 +31,90 @@ def solution(small_stages):
     views = small_stages.lifted, small_stages.skeleton
     found = check_cameras(*views, last, covariance, offset_range_s=0.5)
     names = tuple(camera.name for camera in small_stages.lifted)
-    return Solution(small_stages.rounds, covariance, found, Exclusions(names, 0.5))
+    return Solution(small_stages.rounds, covariance, found, Exclusions(names, 0.5), unsettled=0)
 
 
 @pytest.fixture
 def verdict(small_stages):
-    def of(solution, doubt=""):
-        return judge(small_stages.lifted, small_stages.skeleton, solution, doubt)
+    def of(solution, misaligned=None):
+        return judge(small_stages.lifted, small_stages.skeleton, solution, misaligned)
 
     return of
 
 
-def doubtful(solution):
+NO_METRE = Rejection(RejectionReason.INCONSISTENT_SCALE, detail="no metre")
+
+
+def failing(solution):
     worse = replace(solution.checks[1], bone_rotation=1.0)
     return replace(solution, checks=(solution.checks[0], worse, *solution.checks[2:]))
 
 
+def codes(verdict):
+    return [rejection.reason for rejection in verdict.rejections]
+
+
 def test_a_sound_solution_is_good(solution, verdict):
     assert solution.sound
-    status, message = verdict(solution)
-    assert status is Status.OK
-    assert message.startswith("3 of 3 cameras calibrated; least is known of cam")
+    found = verdict(solution)
+    assert found.status is Status.OK
+    assert found.rejections == ()
+    assert found.remarks[0].code is RemarkCode.LEAST_CONSTRAINED_CAMERA
 
 
-def test_a_doubt_names_its_camera(solution, verdict):
-    assert not doubtful(solution).sound
-    status, message = verdict(doubtful(solution))
-    assert status is Status.DEGENERATE
-    assert message.startswith("cam1: the bones of its 3D poses disagree with its rotation")
+def test_a_rejected_camera_is_named(solution, verdict):
+    assert not failing(solution).sound
+    found = verdict(failing(solution))
+    assert found.status is Status.DEGENERATE
+    assert codes(found) == [RejectionReason.BONES_DISAGREE]
+    assert found.rejections[0].cameras == ("cam1",)
+    assert found.remarks == ()
 
 
-def test_rivals_come_before_doubts_and_doubts_before_the_rest(solution, verdict):
-    rivalled = replace(doubtful(solution), doubt="two of them")
-    assert verdict(rivalled, "no metre")[1].startswith("two of them")
-    assert verdict(doubtful(solution), "no metre")[1].startswith("cam1: ")
-    assert verdict(solution, "no metre") == (Status.DEGENERATE, "no metre")
+def test_rivals_come_before_cameras_and_cameras_before_the_rest(solution, verdict):
+    rival = Rejection(RejectionReason.RIVAL_SOLUTION)
+    found = verdict(replace(failing(solution), rival=rival), NO_METRE)
+    assert codes(found) == [
+        RejectionReason.RIVAL_SOLUTION,
+        RejectionReason.BONES_DISAGREE,
+        RejectionReason.INCONSISTENT_SCALE,
+    ]
+    assert verdict(solution, NO_METRE).status is Status.DEGENERATE
+
+
+def turned(iteration):
+    R = iteration.rig.R_ref_cam.copy()
+    R[1] = R[1] @ exp_so3(np.array([0.0, 0.3, 0.0]))
+    return replace(iteration, rig=replace(iteration.rig, R_ref_cam=R))
 
 
 def test_what_still_moves_has_not_converged(solution, verdict):
     last = solution.last
-    R = last.rig.R_ref_cam.copy()
-    R[1] = R[1] @ exp_so3(np.array([0.0, 0.3, 0.0]))
-    turned = replace(last, rig=replace(last.rig, R_ref_cam=R))
-    status, message = verdict(replace(solution, iterations=(turned, last)))
-    assert status is Status.NOT_CONVERGED
-    assert "raise bundle.rounds" in message
+    assert unsettled_cameras((last, last)) == unsettled_cameras((last,)) == 0
+    unsettled = unsettled_cameras((turned(last), last))
+    assert unsettled == 1
+    found = verdict(replace(solution, unsettled=unsettled))
+    assert found.status is Status.NOT_CONVERGED
+    assert codes(found) == [RejectionReason.NOT_CONVERGED]
+    assert found.rejections[0].measured == 1
 
 
-@pytest.mark.parametrize(
-    ("late_s", "says"), [(0.5, r"clocks differ by 15.0 frames \(0.50 s\)"), (0.0, "poses differ")]
-)
-def test_rivals_differ_by_clock_or_pose(solution, late_s, says):
+def test_a_correction_by_the_refinement_does_not_count_as_unsettled(small_scene, monkeypatch):
+    def correcting(*args, **kwargs):
+        refined = refine(*args, **kwargs)
+        *first, last = refined.iterations
+        return replace(refined, iterations=(*first, turned(last), last))
+
+    monkeypatch.setattr("stcalib_ros.core.solution.refine", correcting)
+    assert calibrate(small_scene.recording, HALF_SECOND).status is Status.OK
+
+
+@pytest.mark.parametrize(("late_s", "frames"), [(0.5, 15.0), (0.0, 0.0)])
+def test_rivals_differ_by_clock_or_pose(solution, late_s, frames):
     last = solution.last
     offset_s = last.rig.offset_s + np.array([0.0, late_s, 0.0])
     other = replace(last, rig=replace(last.rig, offset_s=offset_s))
-    with pytest.raises(ValueError, match=says):
-        raise ValueError(rivalry(last, other, offset_range_s=2.0))
+    found = rival_solution(last, other, offset_range_s=2.0)
+    assert found.measured == pytest.approx(late_s)
+    assert found.values["frames"] == pytest.approx(frames)
+    assert found.values["offset_range_s"] == 2.0

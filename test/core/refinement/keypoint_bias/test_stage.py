@@ -13,6 +13,7 @@ from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.options import BundleOptions
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.refinement.keypoint_bias.stage import refine_keypoint_bias
+from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.synthetic import detector, simulate
 
 
@@ -71,3 +72,20 @@ def test_unknown_biases_are_part_of_the_covariance(leaning):
     found = np.sqrt(np.diag(stages.calibration.joint_covariance)) / scale
     assert (found >= np.sqrt(known) - 1e-12).all()
     assert (found[7:] > 1.2 * np.sqrt(known)[7:]).any()
+
+
+def test_the_joint_covariance_knows_biases_by_name(leaning):
+    _, stages = leaning
+    layout = stages.skeleton.layout
+    refined = refine(stages.lifted, stages.rounds[:-1], layout, BundleOptions())
+    joint, name = refined.covariance, f"person0.{layout.joint_names[4]}.keypoint_bias"
+    assert len(refined.iterations) == len(stages.rounds)
+    assert {"cam1.rotation", "cam2.time_offset", name} <= set(joint.names)
+    assert (joint.stddev(name) > 0.0).all()
+    P = joint.block("cam1.translation", "cam2.time_offset", name)
+    assert np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P))))[0] > -1e-9
+    np.testing.assert_allclose(joint.covariance("cam1.translation", name), P[:3, 4:], rtol=1e-9)
+    assert joint.covariance("cam1.translation", name).any()
+    assert not joint.stddev("cam0.rotation").any()
+    with pytest.raises(KeyError, match="cam7"):
+        joint.stddev("cam7.rotation")

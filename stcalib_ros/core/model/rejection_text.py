@@ -1,0 +1,200 @@
+"""The sentences that people read, made from rejections and remarks: value, limit, next step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
+
+_R = RejectionReason
+_SENTENCES = {
+    _R.TOO_FEW_CAMERAS: (
+        "{measured:.0f} of the cameras can be compared, {limit:.0f} are needed: record at least "
+        "two that see the same people"
+    ),
+    _R.NO_PERSONS: (
+        "no person with enough keypoints and 3D joints: check the pose estimator's output, and "
+        "min_score"
+    ),
+    _R.CLOCK_EPOCH_DIFFERS: (
+        "its clock does not overlap with the others: {begin_s:.1f}..{end_s:.1f} s against "
+        "{others_begin_s:.1f}..{others_end_s:.1f} s, a gap of {measured:.1f} s where "
+        "{limit:g} s can be bridged; widen offset_range_s or set its clock"
+    ),
+    _R.NO_TEMPORAL_OVERLAP: (
+        "at most {measured:.3g} images in common with the others, {limit:.0f} are needed: record "
+        "longer"
+    ),
+    _R.NO_MOTION: (
+        "nobody moves: keypoints move by {measured:.1%} of a body's height at most, {limit:.0%} "
+        "are needed; have people walk through the scene"
+    ),
+    _R.NO_SHARED_MOTION: (
+        "no two cameras see the same person move: check that their views overlap, that their "
+        "clocks agree within {limit:g} s (offset_range_s), and record longer"
+    ),
+    _R.NO_SHARED_OBSERVATIONS: (
+        "people could not be matched across views: too few of their keypoints fit any two "
+        "cameras; check the intrinsics, let views overlap more, and record longer"
+    ),
+    _R.DISCONNECTED: (
+        "shares nobody's motion with {others}: move it to where the others see the same people, "
+        "or calibrate the groups one by one"
+    ),
+    _R.UNMATCHED_OBSERVATIONS: (
+        "hardly anything that it sees matches what is seen by {others}: check its intrinsics, and "
+        "let people stay in view for longer"
+    ),
+    _R.TOO_FEW_INLIERS: (
+        "only {measured:.0f} of its keypoints fit, {limit:.0f} are needed: have people walk where "
+        "it and the others see them"
+    ),
+    _R.TOO_MANY_OUTLIERS: (
+        "only {measured:.0%} of its keypoints fit, {limit:.0%} are needed: check its intrinsics, "
+        "and that its keypoints belong to the image that CameraInfo describes"
+    ),
+    _R.TOO_LITTLE_EXPLAINED: (
+        "only {measured:.0%} of all that it sees agrees with the others, {limit:.0%} are needed: "
+        "it may show other people; let the same people walk where it and the others see them, and "
+        "record longer"
+    ),
+    _R.TOO_LITTLE_SHARED_TIME: (
+        "it shares only {measured:.1f} s of somebody's motion with the others, {limit:.1f} s are "
+        "needed where only {explained_fraction:.0%} of all that it sees agrees with them: that may "
+        "be chance; let people stay in view of two cameras for longer"
+    ),
+    _R.LOOKALIKES: (
+        "everybody whom it sees moves like somebody else at another place, and it fits there as "
+        "well: have people move differently from each other"
+    ),
+    _R.BONES_DISAGREE: (
+        "the bones of its 3D poses disagree with its rotation by {measured_deg:.0f} degrees, "
+        "{limit_deg:.0f} are the limit: persons may be mixed up; record a longer clip with people "
+        "who move differently"
+    ),
+    _R.DISTANCES_DISAGREE: (
+        "people would be {measured:.1f} times as far from it as their size says, between "
+        "{least:.2f} and {limit:.1f} is the limit: persons may be mixed up; record a longer clip "
+        "with people who move differently"
+    ),
+    _R.ROTATION_UNCERTAIN: (
+        "its rotation is uncertain by {measured_deg:.1f} degrees, {limit_deg:.1f} are the limit: "
+        "it shares too little with the others; let people walk across more of its view"
+    ),
+    _R.POSITION_UNCERTAIN: (
+        "its position is uncertain by {measured:.0%} of its distance from the people, {limit:.0%} "
+        "are the limit: let them walk across more of its view"
+    ),
+    _R.OFFSET_AMBIGUOUS: (
+        "its time offset is ambiguous: one that differs by {alternative_s:.2f} s fits as well "
+        "(error {measured:.2f} times as large, {limit:.2f} needed); people have to move more, and "
+        "not in the same rhythm all the time"
+    ),
+    _R.OFFSET_AMBIGUOUS_WITH_OUTLIERS: (
+        "only {inlier_fraction:.0%} of its keypoints fit, and with another time offset all of them "
+        "fit as well (error {measured:.2f} times as large, {limit:.2f} needed): people have to "
+        "move more, and not in the same rhythm all the time"
+    ),
+    _R.OFFSET_UNCERTAIN: (
+        "its time offset is uncertain by {measured:.1f} frames, {limit:.1f} are the limit: people "
+        "have to move faster, or the clip has to be longer"
+    ),
+    _R.RIVAL_SOLUTION: (
+        "two solutions fit about equally well, with other poses, and time offsets that differ by "
+        "up to {frames:.1f} frames ({measured:.2f} s): motion is periodic, people move "
+        "identically, or the true offset is outside of offset_range_s (+-{offset_range_s:g} s); "
+        "set that to what is possible, or record more varied motion"
+    ),
+    _R.NOT_CONVERGED: (
+        "the adjustment has not converged, {measured:.0f} cameras still moved in the last "
+        "iteration: raise bundle.rounds"
+    ),
+    _R.INCONSISTENT_SCALE: "what was given for the scale is inconsistent: {detail}",
+    _R.NO_VERTICAL: "world_frame: {detail}; leave it empty, or have people walk",
+    _R.PERIODIC_MOTION: (
+        "everybody's motion repeats itself after {shortest_s:.2f} to {longest_s:.2f} s, and time "
+        "offsets that are wrong by that look right: let people turn, stop and start"
+    ),
+    _R.IDENTICAL_MOTION: (
+        "persons {person_a:.0f} and {person_b:.0f} move identically: have people move differently "
+        "from each other"
+    ),
+    _R.COLLINEAR_MOTION: "everybody stays on one line: let people walk across it, too",
+    _R.CANCELLED: "{detail}",
+    _R.INPUT_UNUSABLE: "{detail}",
+    _R.SOLVER_FAILED: "{detail}",
+    _R.UNSPECIFIED: "{detail}",
+}
+_REMARKS = {
+    RemarkCode.LEAST_CONSTRAINED_CAMERA: (
+        "the least constrained camera is {camera}: rotation to {rotation_stddev_deg:.2g} degrees, "
+        "position to {position_stddev_percent:.2g} % of its distance from the people"
+    ),
+    RemarkCode.SHARE_MORE_VIEW: (
+        "{camera} shares {shared_s:.1f} s of people's motion with the others, who share "
+        "{usual_s:.1f} s: let people walk where it and {partner} see them ({common_s:.1f} s)"
+    ),
+    RemarkCode.MOVE_FASTER: "people who move faster in its view would determine its clock better",
+    RemarkCode.LEAVE_THE_LINE: (
+        "everybody stays on one line: people who walk across it would determine more"
+    ),
+    RemarkCode.RECORD_LONGER: "a clip twice as long would make that about 30 % less",
+    RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
+}
+_ADDITIONS = {
+    "offset_stddev_ms": ", clock to {offset_stddev_ms:.2g} ms",
+    "stddev_ppm": (
+        ": they would be known to {stddev_ppm:.0f} ppm, {limit_ppm:.0f} are needed, which takes "
+        "about {enough_s:.0f} s"
+    ),
+}
+"""Ends of remarks that have a value of that name."""
+
+
+class _Values(dict[str, object]):
+    """Values of a template; a number that a file of another version lacks is NaN."""
+
+    def __missing__(self, _: str) -> float:
+        return math.nan
+
+
+def sentence(rejection: Rejection) -> str:
+    """Return the sentence of a rejection, without the names of the cameras that it is about."""
+    return _SENTENCES[rejection.reason].format_map(
+        _Values(
+            rejection.values,
+            measured=rejection.measured,
+            limit=rejection.limit,
+            measured_deg=math.degrees(rejection.measured),
+            limit_deg=math.degrees(rejection.limit),
+            others=", ".join(rejection.others),
+            detail=rejection.detail,
+        )
+    )
+
+
+def labelled(rejection: Rejection) -> str:
+    """Return the sentence of a rejection after the names of the cameras that it is about."""
+    return ": ".join(filter(None, [", ".join(rejection.cameras), sentence(rejection)]))
+
+
+def camera_sentence(name: str, rejection: Rejection) -> str:
+    """Return why one camera is left out; a group that it belongs to is named."""
+    group = [other for other in rejection.cameras if other != name]
+    tail = f"; it forms a separate group with {', '.join(group)}" if group else ""
+    return sentence(rejection) + tail
+
+
+def remark_sentence(remark: Remark) -> str:
+    """Return the sentence of a remark."""
+    camera, partner = (*remark.cameras, "", "")[:2]
+    ends = [end for name, end in _ADDITIONS.items() if name in remark.values]
+    text = "".join([_REMARKS[remark.code], *ends])
+    return text.format_map(_Values(remark.values, camera=camera, partner=partner))
+
+
+def whole_sentences(remarks: Sequence[Remark], rejections: Sequence[Rejection]) -> list[str]:
+    """Return remarks and rejections as sentences with capital and full stop."""
+    texts = [*map(remark_sentence, remarks), *map(labelled, rejections)]
+    return [f"{text[:1].upper()}{text[1:]}." for text in texts]

@@ -1,0 +1,142 @@
+"""One sentence for every code, with value, limit and next step."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+
+from stcalib_ros.core.model.calibration import UncalibratedCamera
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
+from stcalib_ros.core.model.rejection_text import (
+    labelled,
+    remark_sentence,
+    sentence,
+    whole_sentences,
+)
+
+R = RejectionReason
+SPANS = {"begin_s": 3600.0, "end_s": 3602.0, "others_begin_s": 0.0, "others_end_s": 2.0}
+REJECTIONS = (
+    (Rejection(R.TOO_FEW_CAMERAS, (), 1.0, 2.0), "^1 of the cameras can be compared, 2 are needed"),
+    (Rejection(R.NO_PERSONS), "no person with enough keypoints and 3D joints: check"),
+    (
+        Rejection(R.CLOCK_EPOCH_DIFFERS, (), 3598.0, 1.0, "s", (), SPANS),
+        r"3600.0..3602.0 s against 0.0..2.0 s, a gap of 3598.0 s where 1 s can be bridged; widen",
+    ),
+    (Rejection(R.NO_TEMPORAL_OVERLAP, (), 11.0, 12.0), "at most 11 images .*, 12 are needed"),
+    (Rejection(R.NO_MOTION, (), 0.012, 0.03), "by 1.2% of a body's height at most, 3% are needed"),
+    (Rejection(R.NO_SHARED_MOTION, limit=2.0), r"clocks agree within 2 s \(offset_range_s\)"),
+    (Rejection(R.NO_SHARED_OBSERVATIONS), "could not be matched across views: .*; check the intri"),
+    (Rejection(R.DISCONNECTED, others=("a", "b")), "shares nobody's motion with a, b: move it"),
+    (Rejection(R.UNMATCHED_OBSERVATIONS, others=("a",)), "matches what is seen by a: check"),
+    (Rejection(R.TOO_FEW_INLIERS, (), 150, 400), "only 150 of its keypoints fit, 400 are needed"),
+    (Rejection(R.TOO_MANY_OUTLIERS, (), 0.3, 0.55), "only 30% of .*, 55% are needed: check its in"),
+    (Rejection(R.TOO_LITTLE_EXPLAINED, (), 0.2, 0.5), "only 20% of all that it sees .*, 50% are"),
+    (
+        Rejection(R.TOO_LITTLE_SHARED_TIME, (), 1.3, 2.5, values={"explained_fraction": 0.6}),
+        "only 1.3 s of somebody's motion .*, 2.5 s are needed where only 60% .* may be chance; let",
+    ),
+    (Rejection(R.LOOKALIKES), "moves like somebody else at another place, .*: have people move"),
+    (Rejection(R.BONES_DISAGREE, (), 1.0, 0.3), "by 57 degrees, 17 are the limit: .*; record"),
+    (
+        Rejection(R.DISTANCES_DISAGREE, (), 1.7, 1.6, values={"least": 0.625}),
+        "1.7 times as far .*, between 0.62 and 1.6 is the limit: .*; record",
+    ),
+    (
+        Rejection(R.ROTATION_UNCERTAIN, (), 0.05, 0.015),
+        "by 2.9 degrees, 0.9 are the limit: .*; let",
+    ),
+    (Rejection(R.POSITION_UNCERTAIN, (), 0.2, 0.1), "by 20% of its distance .*, 10% are .*: let"),
+    (
+        Rejection(R.OFFSET_AMBIGUOUS, (), 1.05, 1.2, values={"alternative_s": 0.4}),
+        r"differs by 0.40 s fits as well \(error 1.05 times as large, 1.20 needed\); people",
+    ),
+    (
+        Rejection(
+            R.OFFSET_AMBIGUOUS_WITH_OUTLIERS, (), 1.02, 1.1, values={"inlier_fraction": 0.75}
+        ),
+        "only 75% of .* all of them fit .* 1.02 times as large, 1.10 needed.: people have to",
+    ),
+    (Rejection(R.OFFSET_UNCERTAIN, (), 2.5, 1.0), "by 2.5 frames, 1.0 are the limit: people have"),
+    (
+        Rejection(R.RIVAL_SOLUTION, (), 0.5, values={"frames": 15.0, "offset_range_s": 2.0}),
+        r"up to 15.0 frames \(0.50 s\): .* outside of offset_range_s \(\+-2 s\); set that to",
+    ),
+    (Rejection(R.NOT_CONVERGED, (), 2.0, 0.0), "2 cameras still moved .*: raise bundle.rounds"),
+    (Rejection(R.INCONSISTENT_SCALE, detail="a and b"), "scale is inconsistent: a and b"),
+    (Rejection(R.NO_VERTICAL, detail="nobody is seen"), "world_frame: nobody is seen; leave it"),
+    (
+        Rejection(R.PERIODIC_MOTION, values={"shortest_s": 0.8, "longest_s": 1.0}),
+        "repeats itself after 0.80 to 1.00 s, .*: let people turn",
+    ),
+    (
+        Rejection(R.IDENTICAL_MOTION, values={"person_a": 0.0, "person_b": 1.0}),
+        "persons 0 and 1 move identically: have people",
+    ),
+    (Rejection(R.COLLINEAR_MOTION), "stays on one line: let people walk across"),
+    (Rejection(R.CANCELLED, detail="cancelled during lift"), "^cancelled during lift$"),
+    (Rejection(R.INPUT_UNUSABLE, detail="no camera"), "^no camera$"),
+    (Rejection(R.SOLVER_FAILED, detail="out of memory"), "^out of memory$"),
+    (Rejection(R.UNSPECIFIED, detail="too dark"), "^too dark$"),
+)
+LEAST = {"rotation_stddev_deg": 0.1146, "position_stddev_percent": 5.0}
+SHARED = {"shared_s": 2.0, "usual_s": 8.0, "common_s": 1.0}
+SKEWS = {"length_s": 3.0, "stddev_ppm": 80.0, "limit_ppm": 10.0, "enough_s": 12.0}
+C = RemarkCode
+REMARKS = (
+    (Remark(C.LEAST_CONSTRAINED_CAMERA, ("a",), LEAST), "is a: rotation to 0.11 .* to 5 % of .*e$"),
+    (
+        Remark(C.LEAST_CONSTRAINED_CAMERA, ("a",), {**LEAST, "offset_stddev_ms": 17.2}),
+        ", clock to 17 ms$",
+    ),
+    (
+        Remark(C.SHARE_MORE_VIEW, ("a", "b"), SHARED),
+        r"^a shares 2.0 s .*8.0 s: .*it and b .*\(1.0 s",
+    ),
+    (Remark(C.MOVE_FASTER, ("a",)), "^people who move faster"),
+    (Remark(C.LEAVE_THE_LINE), "one line: people who walk across it"),
+    (Remark(C.RECORD_LONGER), "a clip twice as long"),
+    (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), {"length_s": 3.0}), "not observable in 3 s$"),
+    (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), SKEWS), "in 3 s: .* to 80 ppm, 10 are .* about 12 s$"),
+)
+
+
+@pytest.mark.parametrize(("rejection", "says"), REJECTIONS, ids=[r.reason for r, _ in REJECTIONS])
+def test_sentence_of_a_code(rejection: Rejection, says: str) -> None:
+    text = sentence(rejection)
+    assert re.search(says, text), text
+    assert not {"\n", "nan", "{"} & {text, *text.split()}
+
+
+@pytest.mark.parametrize(("remark", "says"), REMARKS)
+def test_sentence_of_a_remark(remark: Remark, says: str) -> None:
+    assert re.search(says, remark_sentence(remark)), remark_sentence(remark)
+
+
+def test_every_code_has_its_test_and_its_own_name_as_value() -> None:
+    assert {rejection.reason for rejection, _ in REJECTIONS} == set(RejectionReason)
+    assert {remark.code for remark, _ in REMARKS} == set(RemarkCode)
+    assert all(code.value == code.name for code in (*RejectionReason, *RemarkCode))
+
+
+def test_numbers_that_a_file_lacks_are_unknown() -> None:
+    assert "differs by nan s" in sentence(Rejection(R.OFFSET_AMBIGUOUS, (), 1.0, 1.2))
+
+
+def test_cameras_come_first() -> None:
+    assert labelled(Rejection(R.NO_PERSONS, ("cam1", "cam2"))).startswith("cam1, cam2: no person")
+    alone = UncalibratedCamera("cam1", Rejection(R.DISCONNECTED, ("cam1",), others=("cam0",)))
+    group = UncalibratedCamera(
+        "cam1", Rejection(R.DISCONNECTED, ("cam1", "cam2"), others=("cam0",))
+    )
+    assert group.reason == f"{alone.reason}; it forms a separate group with cam2"
+
+
+def test_whole_sentences() -> None:
+    line = Rejection(R.COLLINEAR_MOTION)
+    first, second = whole_sentences([Remark(C.RECORD_LONGER)], [line])
+    assert first == "A clip twice as long would make that about 30 % less."
+    assert second == "Everybody stays on one line: let people walk across it, too."
+    assert math.isnan(line.measured)
