@@ -50,16 +50,18 @@ CALLED_FROM_OUTSIDE = {
 }
 """Public functions of core/ that nothing in the package calls, with the reason."""
 
+DOCUMENTED = (
+    *("errors", "options", "model", "geometry", "lifting", "registration", "integration"),
+)
 # Known exceptions, each to be mended; these lists only ever get shorter.
 UNDOCUMENTED_NUMBERS = (
-    *(f"{CORE}.{part}" for part in STAGES if part != "errors"),
+    *(f"{CORE}.{part}" for part in STAGES if part not in DOCUMENTED),
     *(f"{CORE}.synthetic", f"{CORE}.monitoring"),
 )
 LONG = {
     f"{CORE}.monitoring.matching._sightings",
     f"{CORE}.output.assemble.make_calibration",
     f"{CORE}.refinement.spline_trajectories",
-    f"{CORE}.registration.two_view_refinement._step",
     f"{CORE}.synthetic.scene.true_calibration",
     f"{CORE}.validation.camera_checks.check_cameras",
 }
@@ -67,14 +69,9 @@ UNNAMED_NUMBERS = {
     f"{CORE}.bundle.istba",
     f"{CORE}.bundle.levenberg_marquardt",
     f"{CORE}.evaluation.metrics",
-    f"{CORE}.geometry.lens",
-    f"{CORE}.geometry.se3",
-    f"{CORE}.lifting.lift",
     f"{CORE}.monitoring.matching",
     f"{CORE}.paper.posegraph",
     f"{CORE}.paper.vmf",
-    f"{CORE}.registration.resampling",
-    f"{CORE}.registration.two_view_refinement",
     f"{CORE}.synthetic.paths",
     f"{CORE}.synthetic.rigs",
     f"{CORE}.validation.cross_view",

@@ -35,3 +35,7 @@ medians of stamps that may be rounded. Derived: a rounding to 1 ms at 20 to 50 H
 
 MIN_CAMERAS = 2
 """Cameras, count. As many must be comparable. Derived: one has nothing to be calibrated against."""
+
+MIN_DETERMINANT = 1e-6
+"""Determinant of the normal equations of the root, sums of squared sines. With less all keypoints
+are in one direction, and the position is not determined. Numerical."""
