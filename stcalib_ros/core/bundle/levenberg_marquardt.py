@@ -163,7 +163,7 @@ class ReducedProblem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
+class SolverStep:
     """The adjustment after a step.
 
     Attributes
@@ -220,7 +220,7 @@ class PointProblem:
         H[range(n), range(n)] += damping * diagonal
         return ReducedProblem(cost, ReducedSystem(H, g), eliminated)
 
-    def apply_step(self, by: ReducedProblem) -> Step:
+    def apply_step(self, by: ReducedProblem) -> SolverStep:
         """The problem after the step of a system; the pose of the reference and the scale stay."""
         system = by.system
         d_camera = -self.layout.solve(system.H, system.g, self.cameras)
@@ -234,7 +234,9 @@ class PointProblem:
             flat_X[block.points] = moved
             cost += block.at(cameras, moved).cost(self.scale)
         state = replace(self.state.with_cameras(cameras), X=X)
-        return Step(PointProblem(self.obs, state, self.scale, self.layout), cost, float(length))
+        return SolverStep(
+            PointProblem(self.obs, state, self.scale, self.layout), cost, float(length)
+        )
 
     def state_of(self, before: BundleState) -> BundleState:
         """The state, the length of the gauge exactly what it was before."""

@@ -141,7 +141,7 @@ def observe(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Images:
+class _CameraImages:
     person: IntArray
     knot: IntArray
     phi: Float64Array
@@ -153,7 +153,7 @@ class _Images:
 
 def _images(
     camera: LiftedCamera, rig: Rig, i: int, association: Association, step_s: float
-) -> _Images:
+) -> _CameraImages:
     """All images of associated persons of one camera, with the knots they belong to."""
     parts = []
     times = camera.stamps + rig.offset_s[i]
@@ -167,7 +167,7 @@ def _images(
         index = np.full(len(frames), p, dtype=np.int64)
         part = (person[use], knots[frames], late[frames], index, track.x[use], track.focal[use])
         parts.append(part if track.rows is None else (*part, track.rows[use]))
-    return _Images(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return _CameraImages(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def nearest_knots(position: Float64Array) -> IntArray:

@@ -46,7 +46,10 @@ Path = Callable[[Float64Array, int], Float64Array]
 """Joints (T, P, J, 3) in the reference frame at times (T,), or their n-th derivative by time."""
 
 _RIDGE = 1e-12
+"""Fraction of the mean diagonal of the normal equations of the splines. Numerical."""
 _LEAST_ACCELERATION = 1e-3
+"""Fraction of the largest mean square acceleration of a joint: joints that hardly move still have
+a finite prior. Numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -57,6 +57,7 @@ def triangulate(
 
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""Entries of a symmetric 3x3 matrix on and above its diagonal."""
 
 
 def _solve_symmetric(

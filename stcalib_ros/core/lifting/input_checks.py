@@ -10,7 +10,7 @@ import numpy as np
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.graphs import components
 from stcalib_ros.core.geometry.interpolation import frame_period
-from stcalib_ros.core.lifting.limits import MIN_MOVEMENT, PERIOD_SLACK
+from stcalib_ros.core.lifting.limits import MIN_CAMERAS, MIN_MOVEMENT, PERIOD_SLACK
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Insufficient, Status, UncalibratedCamera
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
@@ -18,8 +18,6 @@ from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.options import Options
 
-MIN_CAMERAS = 2
-"""Cameras, count. As many must be comparable. Derived: one has nothing to be calibrated against."""
 _SMOOTHING_S = 0.25
 """Seconds over which keypoints are averaged, so that noise from image to image is no movement."""
 

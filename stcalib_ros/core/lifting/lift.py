@@ -18,6 +18,7 @@ from stcalib_ros.core.geometry.triangulation import unit_rays
 from stcalib_ros.core.lifting.limits import (
     KEYPOINT_SCALE,
     MAX_ROTATION,
+    MIN_DETERMINANT,
     MIN_JOINTS,
     NEAREST_M,
     ROTATION_PRIOR,
@@ -222,7 +223,7 @@ def _place(Y: Float64Array, x: Float64Array, used: BoolArray) -> tuple[Float64Ar
     P = used[..., None, None] * (np.eye(3) - b[..., :, None] * b[..., None, :])
     A = P.sum(1)
     rhs = -np.einsum("fjab,fjb->fa", P, Y)
-    good = np.linalg.det(A) > 1e-6
+    good = np.linalg.det(A) > MIN_DETERMINANT
     root = np.linalg.solve(np.where(good[:, None, None], A, np.eye(3)), rhs[..., None])[..., 0]
     return root, good & (root[:, 2] > NEAREST_M)
 

@@ -32,3 +32,10 @@ simulated scenes of benchmarks.accuracy.level; not verified on real recordings."
 PERIOD_SLACK = 1.02
 """Ratio. Reading out an image may take longer than the frame period by this, since periods are
 medians of stamps that may be rounded. Derived: a rounding to 1 ms at 20 to 50 Hz."""
+
+MIN_CAMERAS = 2
+"""Cameras, count. As many must be comparable. Derived: one has nothing to be calibrated against."""
+
+MIN_DETERMINANT = 1e-6
+"""Determinant of the normal equations of the root, sums of squared sines. With less all keypoints
+are in one direction, and the position is not determined. Numerical."""

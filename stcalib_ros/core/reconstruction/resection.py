@@ -15,7 +15,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from stcalib_ros.core.bundle.iteration import Iteration
-from stcalib_ros.core.bundle.limits import NEAREST
+from stcalib_ros.core.bundle.limits import (
+    NEAREST,
+    OTHER_OFFSET_FRAMES,
+    OTHER_POSITION,
+    OTHER_ROTATION,
+)
 from stcalib_ros.core.bundle.parameters import ROTATION, TIME_OFFSET, TRANSLATION, ParameterLayout
 from stcalib_ros.core.geometry.so3 import exp_so3, hat, rotation_angle
 from stcalib_ros.core.integration.association import SLOT_SAMPLES
@@ -26,9 +31,6 @@ from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.reconstruction.limits import (
-    DIFFERENT_OFFSET_FRAMES,
-    DIFFERENT_POSITION,
-    DIFFERENT_ROTATION_RAD,
     FIT_SCALE_PX,
     MIN_FIT,
     MIN_LOOSE_COSINE,
@@ -79,11 +81,7 @@ class Resection:
         angle = float(rotation_angle(self.R_ref_cam.T @ other.R_ref_cam))
         distance = float(np.linalg.norm(self.t_ref_cam - other.t_ref_cam))
         frames = abs(self.offset_s - other.offset_s) / frame_s
-        return (
-            angle > DIFFERENT_ROTATION_RAD
-            or distance > DIFFERENT_POSITION
-            or frames > DIFFERENT_OFFSET_FRAMES
-        )
+        return angle > OTHER_ROTATION or distance > OTHER_POSITION or frames > OTHER_OFFSET_FRAMES
 
 
 def resect(

@@ -53,3 +53,13 @@ SCATTER_FACTOR = 2.0
 """Ratio. Blocks of a track are not quite independent, since neighbours have slow errors of the
 poses in common: their scatter counts times this. Chosen on simulated scenes of
 benchmarks.accuracy.level; not verified on real recordings."""
+
+MIN_BASELINE_M = 1e-6
+"""Metres by the size of the people. Cameras that are closer to each other have no epipolar
+geometry, and their registration is not refined. Numerical."""
+
+MAX_STEP_ROTATION = 0.2
+"""rad per step. Longer rotations are cut, so that the linearization holds. Chosen."""
+
+MIN_BONE_M = 1e-6
+"""Metres. Shorter bones have no direction. Numerical."""
