@@ -39,13 +39,13 @@ class RegistrationOptions:
         own method, with its multi-view integration and adjustment as well; see `VmfOptions`. The
         other options here are those of "correlation".
     min_overlap : int
-        Samples that two tracks must share at a lag for it to count.
+        Minimum number of common samples of two tracks at a lag.
     n_candidates : int
-        Best (track, track, lag) triples that vote.
+        Number of the best (track, track, lag) triples that vote.
     n_hypotheses : int
-        Distinct hypotheses kept of a pair of cameras.
+        Number of distinct hypotheses kept of a pair of cameras.
     n_refined : int
-        How many of them are refined on the key points.
+        Number of them that are refined on the keypoints.
     """
 
     method: str = "correlation"
@@ -82,7 +82,7 @@ class VmfOptions:
     no_match_rad : float
         Persons whose bones differ by more on average are not matched.
     turn_poses : bool
-        Turn monocular poses onto their key points first, as the default method does.
+        Turn monocular poses onto their keypoints first, as the default method does.
     """
 
     window: int = _within(15, 2, 10_000)
@@ -186,14 +186,14 @@ class BundleOptions:
 
 @dataclass(frozen=True, slots=True)
 class ScaleOptions:
-    """What says how long a metre is; all of it together, each by its deviation.
+    """Scale cues, fused by their standard deviations.
 
     Attributes
     ----------
     poses_sigma : float
-        How far the size of 3D poses that are said to be metric may be off, as a share.
+        Relative standard deviation of the size of metric 3D poses.
     body_height_m, body_height_sigma_m : float
-        Mean height of the people, and its deviation for one of them; 0: not known.
+        Mean height of the people and its standard deviation for one of them; 0: not known.
     distances : tuple of Distance
         Known distances.
     """
@@ -221,9 +221,9 @@ class Options:
     min_score : float
         Joints with a lower score are not used.
     min_common_frames : int
-        Images that two cameras must share in time.
+        Minimum number of images of two cameras that can overlap in time.
     seed : int
-        Of the random spanning trees.
+        Seed of the random spanning trees.
     world_frame : str
         Name of a frame with z up and the floor at 0 to express the poses in; empty: they are in
         the frame of the reference camera.

@@ -13,7 +13,7 @@ def unit(v: Float64Array) -> Float64Array:
 
 
 def best_rotation(S: Float64Array) -> Float64Array:
-    """Rotations that maximise ``tr(R.T @ S)``: orthogonal Procrustes (Kabsch).
+    """Return the rotations that maximize ``tr(R.T @ S)`` (orthogonal Procrustes problem).
 
     Parameters
     ----------
@@ -23,7 +23,11 @@ def best_rotation(S: Float64Array) -> Float64Array:
     Returns
     -------
     (..., 3, 3) ndarray
-        ``R_a_b``, which turns the directions v_b onto the v_a.
+        ``R_a_b``, which rotates the directions v_b onto the v_a.
+
+    References
+    ----------
+    W. Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.
     """
     U, _, Vt = np.linalg.svd(S)
     U = U.copy()
@@ -61,6 +65,11 @@ def umeyama(source: Float64Array, target: Float64Array) -> tuple[float, Float64A
     s : float
     R : (3, 3) ndarray
     t : (3,) ndarray
+
+    References
+    ----------
+    S. Umeyama, "Least-squares estimation of transformation parameters between two point
+    patterns", 1991.
     """
     a, b = source.mean(0), target.mean(0)
     S = (target - b).T @ (source - a)

@@ -1,9 +1,9 @@
-"""Who is who across views, once poses and clocks are known roughly.
+"""Person association across views, once poses and clocks are known roughly.
 
 Tracks are cut into slots of time, since a camera's tracker may exchange two people. In each
 slot the pieces of all cameras are agglomerated by their epipolar distance and by where the
 monocular poses stand, never two of one camera at one time; then the groups of successive
-slots are chained by the tracks that they share, so that an exchange in one camera is
+slots are chained by their common tracks, so that an exchange in one camera is
 outvoted by the others.
 """
 
@@ -53,7 +53,7 @@ class Association:
         less.
     margins : mapping of int to float
         Per person, epipolar distance of the next best assignment over that of this one; inf
-        where nobody else was there to be mistaken for him.
+        where nobody else could be confused with them.
     """
 
     person_of: tuple[IntArray, ...]
@@ -72,7 +72,7 @@ class Association:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Samples:
-    """Tracks of one camera at the sampling times: key points, focal, bodies in the world."""
+    """Tracks of one camera at the sampling times; bodies are in the frame of the rig."""
 
     x: Float64Array  # (P, S, K, J, 3)
     focal: Float64Array  # (P, S, K, J)
@@ -181,8 +181,8 @@ def _distance(a: _Samples, b: _Samples, R_a_b: Float64Array, t_a_b: Float64Array
         )
         errors = np.abs(sampson(E, x_a, x_b)) * focal
         epipolar[here, there, s] = _median(errors, MIN_SHARED_KEYPOINTS)
-        apart = np.linalg.norm(a.body[here, s] - b.body[there, s], axis=-1)
-        body[here, there, s] = _median(apart, 1)
+        gap = np.linalg.norm(a.body[here, s] - b.body[there, s], axis=-1)
+        body[here, there, s] = _median(gap, 1)
     return _Distance(epipolar, body)
 
 
@@ -244,13 +244,13 @@ def _agglomerate(
     ]
     n = len(pieces)
     cost, known = np.zeros((n, n)), np.zeros((n, n))
-    apart = np.eye(n, dtype=bool)
+    exclusive = np.eye(n, dtype=bool)
     for i, (a, p) in enumerate(pieces):
         for j in range(i + 1, n):
             b, q = pieces[j]
             if a == b:
                 together = samples[a].present[p, s] & samples[a].present[q, s]
-                apart[i, j] = apart[j, i] = together.any()
+                exclusive[i, j] = exclusive[j, i] = together.any()
                 continue
             d = distance[a, b]
             bodies = d.body[p, q, s] / MAX_BODY_DISTANCE
@@ -258,16 +258,16 @@ def _agglomerate(
             if np.isfinite(value):
                 cost[i, j] = cost[j, i] = min(float(value), MAX_COST)
                 known[i, j] = known[j, i] = 1.0
-    groups = _average_link(cost, known, apart)
+    groups = _average_link(cost, known, exclusive)
     return [[(pieces[i][0], int(pieces[i][1])) for i in group] for group in groups]
 
 
-def _average_link(cost: Float64Array, known: Float64Array, apart: BoolArray) -> list[list[int]]:
+def _average_link(cost: Float64Array, known: Float64Array, exclusive: BoolArray) -> list[list[int]]:
     """Merge the closest groups while their mean cost is below one and nothing forbids it."""
-    cost, known, apart = cost.copy(), known.copy(), apart.copy()
+    cost, known, exclusive = cost.copy(), known.copy(), exclusive.copy()
     groups = [[i] for i in range(len(cost))]
     while len(groups) > 1:
-        mean = np.where((known > 0) & ~apart, cost / np.maximum(known, 1.0), np.inf)
+        mean = np.where((known > 0) & ~exclusive, cost / np.maximum(known, 1.0), np.inf)
         i, j = sorted(np.unravel_index(int(mean.argmin()), mean.shape))
         if mean[i, j] >= MERGE_COST:
             break
@@ -275,17 +275,17 @@ def _average_link(cost: Float64Array, known: Float64Array, apart: BoolArray) -> 
         for matrix in (cost, known):
             matrix[i] += matrix[j]
             matrix[:, i] += matrix[:, j]
-        apart[i] |= apart[j]
-        apart[:, i] |= apart[:, j]
-        apart[i, i] = True
+        exclusive[i] |= exclusive[j]
+        exclusive[:, i] |= exclusive[:, j]
+        exclusive[i, i] = True
         keep = np.arange(len(cost)) != j
         cost, known = cost[np.ix_(keep, keep)], known[np.ix_(keep, keep)]
-        apart = apart[np.ix_(keep, keep)]
+        exclusive = exclusive[np.ix_(keep, keep)]
     return groups
 
 
 class Chain:
-    """Persons through time: groups of successive slots that share tracks are one person."""
+    """Persons through time: groups of successive slots with common tracks are one person."""
 
     def __init__(self, n_tracks: Sequence[int], n_slots: int) -> None:
         self.person_of = [np.full((n, n_slots), -1, dtype=np.int64) for n in n_tracks]

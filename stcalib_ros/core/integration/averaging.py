@@ -1,7 +1,13 @@
-"""Multi-view integration: one rig out of many pair hypotheses (Section IV).
+"""Multi-view integration: one rig from many pairwise hypotheses (Section IV).
 
 Random spanning trees over the hypotheses give candidate rigs; the one that most other
-hypotheses agree with is polished by robust averaging of rotations, lags and centres.
+hypotheses agree with is refined by robust averaging of rotations, lags and centres.
+
+References
+----------
+V. M. Govindu, "Lie-algebraic averaging for globally consistent motion estimation", 2004;
+D. Martinec and T. Pajdla, "Robust rotation and translation estimation in multiview
+reconstruction", 2007.
 """
 
 from __future__ import annotations
@@ -46,11 +52,11 @@ def integrate(
     cameras : sequence of int
         The group; its first member becomes the reference.
     hypotheses : sequence of RelativePose
-        All that lie within the group.
+        All hypotheses between cameras of the group.
     frame_s : float
         Frame period, seconds: the scale of lag differences.
     n_trees : int
-        Random spanning trees.
+        Number of random spanning trees.
     rng : numpy.random.Generator
     """
     graph = _Graph(cameras, hypotheses, frame_s)
@@ -62,8 +68,8 @@ def integrate(
             chosen.append(int(k))
         if len(chosen) == MAX_RIGS:
             break
-    polished = [graph.average(*(part[k] for part in rigs)) for k in chosen]
-    return tuple(sorted(polished, key=lambda rig: -rig.support))
+    averaged = [graph.average(*(part[k] for part in rigs)) for k in chosen]
+    return tuple(sorted(averaged, key=lambda rig: -rig.support))
 
 
 class _Graph:
@@ -181,7 +187,7 @@ class _Graph:
 
 
 def reliability(h: RelativePose) -> float:
-    """Support, discounted where the key points contradict the hypothesis."""
+    """Support, discounted where the keypoints contradict the hypothesis."""
     if not np.isfinite(h.epipolar_px):
         return UNREFINED_RELIABILITY * h.support
     return h.support / (1.0 + (h.epipolar_px / EPIPOLAR_SCALE_PX) ** 2)

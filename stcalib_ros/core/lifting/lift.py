@@ -1,9 +1,9 @@
 """Monocular 3D poses brought to the metric frame of their camera.
 
-A lifter gives joints relative to a root, often tilted and, when it works on a crop of the
-image, turned by the angle of the crop off the optical axis. The key points of the same
-image say where the person is and undo most of that rotation. Where a lens is wide that angle is
-too large for small steps: all key points of a camera together say which share of it to undo first.
+A lifter gives joints relative to a root, often tilted and, when it works on a crop of the image,
+turned by the angle of the crop off the optical axis. The keypoints of the same image determine
+where the person is and most of that rotation. Where a lens is wide, that angle is too large for
+small steps: which fraction of it to undo first is chosen on all keypoints of a camera.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from stcalib_ros.core.lifting.limits import (
     NEAREST_M,
     ROTATION_PRIOR,
 )
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter, shutter_of
@@ -55,17 +55,21 @@ def lift_recording(
     min_score : float
         Joints with a lower score are not used.
     turn : bool
-        Turn the poses onto their key points; else they are placed only.
+        Turn the poses onto their keypoints; else they are placed only.
     rows : bool
-        Keep the rows of the key points though all shutters take all rows at once.
+        Keep the rows of the keypoints though all shutters take all rows at once.
     from_first_row : bool
         Rows and stamps are those from row 0 on, not from the middle.
     """
     rolling = rows or any(camera.line_time_s for camera in recording.cameras)
     return tuple(
         _lift_camera(
-            *(camera, columns, skeleton, min_score, turn),
-            shutter_of(camera, from_first_row=from_first_row) if rolling else None,
+            camera,
+            columns,
+            skeleton,
+            min_score=min_score,
+            turn=turn,
+            shutter=shutter_of(camera, from_first_row=from_first_row) if rolling else None,
         )
         for camera, columns in zip(recording.cameras, skeleton.columns, strict=True)
     )
@@ -75,6 +79,7 @@ def _lift_camera(
     camera: CameraRecording,
     columns: IntArray,
     skeleton: Skeleton,
+    *,
     min_score: float,
     turn: bool,
     shutter: Shutter | None,
@@ -94,19 +99,23 @@ def _lift_camera(
         joints_cam = lift(joints, x, crop=crop, steps=_STEPS if turn else 0)
         usable = np.isfinite(joints_cam).any((1, 2))
         if usable.any():
-            precision = track.keypoints.dtype
             tracks.append(
                 LiftedTrack(
                     track.track_id,
                     track.frames[usable],
-                    x[usable].astype(precision),
-                    focal[usable].astype(precision),
-                    joints_cam[usable].astype(precision),
+                    _as_precise(x[usable], track.keypoints),
+                    _as_precise(focal[usable], track.keypoints),
+                    _as_precise(joints_cam[usable], track.keypoints),
                     None if shutter is None else rows[usable] - shutter.middle_row,
                 )
             )
     shutter = shutter or GLOBAL
     return LiftedCamera(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter)
+
+
+def _as_precise(values: Float64Array, given: FloatArray) -> FloatArray:
+    """Return values in the precision of what they were computed from."""
+    return values.astype(np.float32) if given.dtype == np.float32 else values
 
 
 def _body_scale(joints: Float64Array, skeleton: Skeleton) -> float:
@@ -125,7 +134,7 @@ def _body_scale(joints: Float64Array, skeleton: Skeleton) -> float:
 
 
 def crop_fraction(poses: Sequence[tuple[Float64Array, Float64Array]]) -> float:
-    """How far the poses of a camera are turned as if it looked straight at every person.
+    """Estimate how much of the crop rotation the poses of a camera contain.
 
     A lifter that is given a crop of the image does not know where the crop was, and turns its pose
     from the person's bearing to the optical axis; one that is given the place does not. Some do
@@ -134,22 +143,22 @@ def crop_fraction(poses: Sequence[tuple[Float64Array, Float64Array]]) -> float:
     Parameters
     ----------
     poses : sequence of ((F, J, 3) ndarray, (F, J, 2) ndarray)
-        Per track, joints and key points as for `lift`.
+        Per track, joints and keypoints as for `lift`.
 
     Returns
     -------
     float
-        Of the shares that are tried, 0, 1/2 and 1, the one with which the placed poses project
-        onto the key points best.
+        Fraction of the crop rotation, 0, 1/2 or 1, with which the placed poses project onto the
+        keypoints best.
     """
     stride = max(1, sum(len(joints) for joints, _ in poses) // _MAX_CROP_FRAMES)
     some = [_centred(joints[::stride], x[::stride]) for joints, x in poses]
-    misfits = [sum(_misfit(*one, share) for one in some) for share in _CROP_FRACTIONS]
+    misfits = [sum(_misfit(*one, fraction) for one in some) for fraction in _CROP_FRACTIONS]
     return _CROP_FRACTIONS[int(np.argmin(misfits))]
 
 
 def _misfit(Y: Float64Array, x: Float64Array, used: BoolArray, crop: float) -> float:
-    """Sum of the robust image errors of poses that are turned by a share and placed."""
+    """Sum of the robust image errors of poses, rotated by a fraction of the crop and placed."""
     turned = _undo_crop(Y, x, used, crop)
     root, solved = _place(turned, x, used)
     X = turned + np.where(solved[:, None], root, [0.0, 0.0, 1.0])[:, None]
@@ -159,9 +168,9 @@ def _misfit(Y: Float64Array, x: Float64Array, used: BoolArray, crop: float) -> f
 
 
 def _undo_crop(Y: Float64Array, x: Float64Array, used: BoolArray, crop: float) -> Float64Array:
-    """Turn poses by a share of the angle from the optical axis to the middle of the key points."""
-    seen = np.maximum(used.sum(-1), 1)[:, None]
-    middle = np.where(used[..., None], x, 0.0).sum(1) / seen
+    """Rotate poses by a fraction of the angle from the optical axis to their keypoints."""
+    n_usable = np.maximum(used.sum(-1), 1)[:, None]
+    middle = np.where(used[..., None], x, 0.0).sum(1) / n_usable
     off_axis = np.linalg.norm(middle, axis=-1, keepdims=True)
     axis = np.stack([-middle[:, 1], middle[:, 0], np.zeros(len(x))], -1)
     rotvec = crop * np.arctan(off_axis) * axis / np.maximum(off_axis, 1e-12)
@@ -169,7 +178,7 @@ def _undo_crop(Y: Float64Array, x: Float64Array, used: BoolArray, crop: float) -
 
 
 def _centred(joints: Float64Array, x: Float64Array) -> tuple[Float64Array, Float64Array, BoolArray]:
-    """Poses about the middle of their joints, key points, and which can be used; else 0."""
+    """Return poses about the centre of their joints, keypoints, and which are usable; else 0."""
     known = np.asarray(np.isfinite(joints).all(-1))
     used = np.asarray(known & np.isfinite(x).all(-1))
     used &= used.sum(-1, keepdims=True) >= MIN_JOINTS
@@ -182,10 +191,10 @@ def _centred(joints: Float64Array, x: Float64Array) -> tuple[Float64Array, Float
 def lift(
     joints: Float64Array, x: Float64Array, *, crop: float = 0.0, steps: int = _STEPS
 ) -> Float64Array:
-    """Place and turn monocular poses so that they project onto their key points.
+    """Place and turn monocular poses so that they project onto their keypoints.
 
     The position of the root is the closed-form solution of ``argmin_T sum_s |(I - b b^T)
-    (Y_s + T)|^2`` with the bearings b of the key points; then Gauss-Newton steps on the
+    (Y_s + T)|^2`` with the bearings b of the keypoints; then Gauss-Newton steps on the
     robust image error for the root and a rotation that a prior keeps small.
 
     Parameters
@@ -193,9 +202,9 @@ def lift(
     joints : (F, J, 3) ndarray
         Y, in the axes of the optical frame, any origin, metres; NaN where unknown.
     x : (F, J, 2) ndarray
-        Key points on the plane z = 1; NaN where not seen.
+        Keypoints on the plane z = 1; NaN where not observed.
     crop : float
-        Share of the angle off the optical axis that the poses are turned by: see `crop_fraction`.
+        Fraction of the angle off the optical axis to rotate by: see `crop_fraction`.
     steps : int
         Gauss-Newton steps.
 

@@ -126,7 +126,7 @@ def layout_from_names(
     joint_names : sequence of str
         In the order of the arrays. Names are those of the built-in layouts
         (``left_knee``, ``neck``, ...); an unknown name is a joint without a parent,
-        which still serves as a key point.
+        which still serves as a keypoint.
     name : str
         The layout's own name.
     parent_of : dict, optional

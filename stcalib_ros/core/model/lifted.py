@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter
 
 
@@ -19,22 +19,22 @@ class LiftedTrack:
     frames : (F,) ndarray of int
         Indices into the stamps of the camera.
     x : (F, J, 2) ndarray
-        Undistorted key points on the plane z = 1; NaN where not used.
+        Undistorted keypoints on the plane z = 1; NaN where not used.
     focal : (F, J) ndarray
         Pixels per unit of `x`.
     joints_cam : (F, J, 3) ndarray
         Joints in the optical frame, metres; NaN where the frame could not be lifted.
     rows : (F, J) ndarray or None
-        Of the key points in the image, px, counted from the middle row of the shutter; None where
-        all shutters take all rows at once.
+        Rows of the keypoints in the image, px, counted from the middle row of the shutter; None
+        where all shutters take all rows at once.
     """
 
     track_id: int
     frames: IntArray
-    x: Float64Array
-    focal: Float64Array
-    joints_cam: Float64Array
-    rows: Float64Array | None = None
+    x: FloatArray
+    focal: FloatArray
+    joints_cam: FloatArray
+    rows: FloatArray | None = None
 
     def __getitem__(self, some: slice | BoolArray) -> LiftedTrack:
         """The same person in some of the frames."""

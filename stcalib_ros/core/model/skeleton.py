@@ -40,7 +40,7 @@ class Skeleton:
     layout : Layout
         The J joints that every camera gives.
     columns : tuple of (J,) ndarray of int
-        For each camera: where these joints stand in its own layout.
+        Indices of these joints in the layout of each camera.
     directions : (D, J) ndarray
         Rows that turn joints into bone vectors: bones, hip line, shoulder line, torso.
     adult_lengths : (D,) ndarray
@@ -54,7 +54,7 @@ class Skeleton:
 
 
 def common_skeleton(recording: Recording) -> Skeleton:
-    """Joints and directions shared by all cameras.
+    """Return the joints and directions that all cameras have in common.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.lens import bearings, project
 from stcalib_ros.core.integration.association import SLOT_SAMPLES, Association, associate
 from stcalib_ros.core.lifting.lift import lift_recording
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.clocks import clock_correction
 from stcalib_ros.core.model.lifted import LiftedCamera, time_span
@@ -229,7 +229,7 @@ def _most_agreed_scale(D: Float64Array, t: Float64Array) -> float:
 
 
 def _body(
-    camera: LiftedCamera, joints_cam: Float64Array, frames: IntArray, times: Float64Array
+    camera: LiftedCamera, joints_cam: FloatArray, frames: IntArray, times: Float64Array
 ) -> Float64Array:
     """Return the mean joint of a person (T, 3) in the optical frame."""
     period = frame_period(camera.stamps)
@@ -342,7 +342,7 @@ def _reassign(c: int, rig: Rig, body: Float64Array, arrays: tuple[Float64Array, 
     return bool(near.any())
 
 
-def _ones(points: Float64Array) -> Float64Array:
+def _ones(points: FloatArray) -> Float64Array:
     return np.where(np.isfinite(points[..., :1]), 1.0, np.nan)
 
 

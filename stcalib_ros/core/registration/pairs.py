@@ -28,10 +28,10 @@ class PairTask:
     Attributes
     ----------
     a, b : int
-        Indices of the cameras, for the record.
+        Indices of the cameras, as the hypotheses carry them.
     cameras : (LiftedCamera, LiftedCamera)
     grids : (GridTracks, GridTracks)
-        Of the same cameras.
+        Resampled tracks of these cameras.
     max_lag : int
         Lags are searched within plus and minus this many samples.
     options : RegistrationOptions
@@ -78,7 +78,7 @@ def pair_tasks(
 
 
 def register(task: PairTask) -> tuple[RelativePose, ...]:
-    """Hypotheses on a pair: by bone directions, and those refined on key points beside them."""
+    """Return the hypotheses on a pair: by bone directions, and the refined ones as well."""
     found = register_pair(0, 1, *task.grids, task.max_lag, task.options)
     worth = [h for h in found if h.support >= MIN_SUPPORT_RATIO * found[0].support]
     refined = (

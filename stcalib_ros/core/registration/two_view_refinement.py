@@ -1,7 +1,7 @@
 """Epipolar geometry of two unsynchronised cameras: Sampson distance and two-view refinement.
 
 This is the second cost of Section III-A, ``x^T [t]_x R x'``, in its first-order geometric
-form and with the lag as an unknown: keypoints of the second camera are read off between
+form and with the lag as an unknown: keypoints of the second camera are interpolated between
 its frames.
 """
 
@@ -53,7 +53,7 @@ class Correspondences:
     v_b : (M, 3) ndarray
         Time derivative of `x_b`, per second.
     variance_b : (M,) ndarray
-        Variance of `x_b` over that of one key point, if the noise of every image is its own:
+        Variance of `x_b` over that of one keypoint, if the noise of every image is its own:
         between two images it is less.
     variance_rate_b : (M,) ndarray
         Time derivative of that, per second.
@@ -326,7 +326,7 @@ def _linearized(
     denominator = sampson_scale(c.x_b @ E.T, line_b, 1.0 - noise.white * (1.0 - c.variance_b))
     inverse = c.focal / denominator / noise.scale
     r = values[0] * inverse
-    # Without its second term the step would follow noise, which differences of images share.
+    # Without its second term the step would follow noise, common to differences of images.
     later = (c.x_a * (c.v_b @ E.T)).sum(-1)
     rate = noise.white * c.variance_rate_b * (line_b[:, :2] ** 2).sum(-1)
     later -= values[0] * rate / denominator**2 / 2.0

@@ -1,7 +1,7 @@
 """Voting for the rotation, lag and matches of a pair of cameras (Sections III-B to III-D).
 
-Every pair of tracks at every lag proposes a rotation; the proposals that other tracks agree
-with survive, several of them, since look-alike motion can only be told apart later, in the
+Every pair of tracks at every lag proposes a rotation; the proposals that other tracks agree with
+survive. Several are kept, since similar motions of different people can be resolved only in the
 multi-view problem.
 """
 
@@ -49,14 +49,14 @@ def register_pair(
     Parameters
     ----------
     a, b : int
-        Indices of the cameras, for the record.
+        Indices of the cameras, as the hypotheses carry them.
     tracks_a, tracks_b : GridTracks
         On grids of the same step and start.
     max_lag : int
         Lags are searched within plus and minus this many samples.
     options : RegistrationOptions
     thresholds : sequence of float
-        How well bones have to agree; the next one is for where nothing does so by the one before.
+        Agreement of bones that is needed; the next one is used where nothing reaches the last.
     """
     if not len(tracks_a.position) or not len(tracks_b.position):
         return ()
@@ -168,13 +168,13 @@ class _Vote:
     def consensus(
         self, R: Float64Array, lag: int
     ) -> tuple[tuple[tuple[int, int], ...], Float64Array, Float64Array, float]:
-        """Matches whose positions agree on one translation: tells look-alikes apart."""
+        """Return the matches whose positions agree on one translation: no look-alikes."""
         gain = self.gains(R[None], np.array([lag]))[0]
         pairs = np.argwhere(gain > 0)
         if not len(pairs):
             return (), R, np.zeros(3), 0.0
         t = self._translations(R, int(self.cov.lags[lag]), pairs)
-        agree = _apart(t) < MAX_POSITION_DIFFERENCE
+        agree = _translation_distance(t) < MAX_POSITION_DIFFERENCE
         strength = gain[tuple(pairs.T)]
         votes = np.where(agree, strength, -np.inf)
         chosen = _greedy(votes, pairs, self.overlap_a, self.overlap_b)
@@ -204,11 +204,11 @@ class _Vote:
         return t
 
 
-def _apart(t: Float64Array) -> Float64Array:
-    """Distances (M, M) of translations, as close as people of other sizes may bring them.
+def _translation_distance(t: Float64Array) -> Float64Array:
+    """Return distances (M, M) of translations, least over the possible sizes of the people.
 
-    A lifter that takes a person for larger than he is puts him further away in every view,
-    and so stretches the translation that follows from him.
+    A lifter that overestimates the size of a person overestimates their distance in every view,
+    and so the length of the translation that follows from them.
     """
     square = np.maximum((t**2).sum(-1), 1e-12)
     stretch = np.clip((t @ t.T) / square[None], 1 / BODY_SIZE_RATIO, BODY_SIZE_RATIO)
