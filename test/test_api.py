@@ -152,7 +152,7 @@ class LocalClient:
     used: ClassVar[list[str | None]] = []
 
     def __init__(self, address: str | None) -> None:
-        self.inlier.append(address)
+        self.used.append(address)
 
     def __enter__(self) -> LocalClient:
         return self
