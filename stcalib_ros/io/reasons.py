@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
-
-import numpy as np
 
 from stcalib_ros.core.model.calibration import Calibration, Status, UncalibratedCamera
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
@@ -67,7 +66,7 @@ def _plain_rejection(rejection: Rejection, message: str) -> dict[str, Any]:
     return {
         "code": rejection.reason.value,
         "message": message,
-        **{name: value for name, value in numbers.items() if not np.isnan(value)},
+        **{name: value for name, value in numbers.items() if not math.isnan(value)},
         **{name: value for name, value in optional.items() if value},
     }
 
@@ -77,18 +76,21 @@ def _plain_values(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _rejection(entry: Entry) -> Rejection:
-    """Read a rejection; of a version with other codes, its sentence is what is left of it."""
+    """Read a rejection; of a version with other codes, its sentence is what is left of it.
+
+    That sentence names its cameras already.
+    """
     if isinstance(entry.value, str):  # files of before there were codes
         return Rejection(RejectionReason.UNSPECIFIED, detail=entry.value)
     code = entry.get("code").text()
     known = code in RejectionReason.__members__
     return Rejection(
         reason=RejectionReason(code) if known else RejectionReason.UNSPECIFIED,
-        cameras=_names(entry.get("cameras", [])),
-        measured=entry.get("measured", np.nan).number(),
-        limit=entry.get("limit", np.nan).number(),
+        cameras=_names(entry.get("cameras", [])) if known else (),
+        measured=entry.get("measured", math.nan).number(),
+        limit=entry.get("limit", math.nan).number(),
         unit=entry.get("unit", "").text(),
-        others=_names(entry.get("others", [])),
+        others=_names(entry.get("others", [])) if known else (),
         values=_values(entry),
         detail=entry.get("detail" if known else "message", "").text(),
     )

@@ -3,6 +3,7 @@ from __future__ import annotations
 import contextlib
 import math
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import bag_helpers as bags
@@ -199,6 +200,22 @@ def test_reasons_of_other_versions(tmp_path: Path) -> None:
     new = read_result(tmp_path / "new.yaml")
     assert new.rejections[0].reason is unspecified
     assert (new.rejections[0].detail, new.rejections[0].measured) == ("too dark", 3.0)
+    assert new.rejections[0].cameras == ()
+
+
+def test_a_rejection_without_numbers_is_equal_to_itself_read_back(tmp_path: Path) -> None:
+    still = Rejection(RejectionReason.IDENTICAL_MOTION, values={"person_a": 0.0, "person_b": 1.0})
+    refused = MINIMAL.replace("status: OK", "status: DEGENERATE\nmessage: alike")
+    (tmp_path / "a.yaml").write_text(refused)
+    read = read_result(tmp_path / "a.yaml")
+    write_result(replace(read, rejections=(still,)), tmp_path / "b.yaml")
+    assert read_result(tmp_path / "b.yaml").rejections == (still,)
+    assert len({still, still}) == 1
+
+
+def test_remarks_of_other_versions_are_left_out(tmp_path: Path) -> None:
+    (tmp_path / "new.yaml").write_text(f"{MINIMAL}remarks: [{{code: NEW_REMARK}}]\n")
+    new = read_result(tmp_path / "new.yaml")
     assert new.remarks == ()
 
 

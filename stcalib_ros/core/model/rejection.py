@@ -5,6 +5,7 @@ The sentences that people read are made from these records by `rejection_text`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -78,11 +79,11 @@ class Rejection:
 
     reason: RejectionReason
     cameras: tuple[str, ...] = ()
-    measured: float = float("nan")
-    limit: float = float("nan")
+    measured: float = math.nan
+    limit: float = math.nan
     unit: str = ""
     others: tuple[str, ...] = ()
-    values: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict, hash=False)
     detail: str = ""
 
 
@@ -111,4 +112,4 @@ class Remark:
 
     code: RemarkCode
     cameras: tuple[str, ...] = ()
-    values: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict, hash=False)

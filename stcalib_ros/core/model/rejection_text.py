@@ -101,8 +101,8 @@ _SENTENCES = {
         "have to move faster, or the clip has to be longer"
     ),
     _R.RIVAL_SOLUTION: (
-        "two solutions fit about equally well, with other poses, and time offsets that differ by "
-        "up to {frames:.1f} frames ({measured:.2f} s): motion is periodic, people move "
+        "two solutions fit about equally well; between them, poses differ, and time offsets by up "
+        "to {frames:.1f} frames ({measured:.2f} s): motion is periodic, people move "
         "identically, or the true offset is outside of offset_range_s (+-{offset_range_s:g} s); "
         "set that to what is possible, or record more varied motion"
     ),
@@ -113,8 +113,9 @@ _SENTENCES = {
     _R.INCONSISTENT_SCALE: "what was given for the scale is inconsistent: {detail}",
     _R.NO_VERTICAL: "world_frame: {detail}; leave it empty, or have people walk",
     _R.PERIODIC_MOTION: (
-        "everybody's motion repeats itself after {shortest_s:.2f} to {longest_s:.2f} s, and time "
-        "offsets that are wrong by that look right: let people turn, stop and start"
+        "everybody's motion repeats itself with a period of {shortest_s:.2f} s (the longest is "
+        "{longest_s:.2f} s), and time offsets that are wrong by that look right: let people turn, "
+        "stop and start"
     ),
     _R.IDENTICAL_MOTION: (
         "persons {person_a:.0f} and {person_b:.0f} move identically: have people move differently "

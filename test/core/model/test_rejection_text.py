@@ -69,7 +69,7 @@ REJECTIONS = (
     (Rejection(R.NO_VERTICAL, detail="nobody is seen"), "world_frame: nobody is seen; leave it"),
     (
         Rejection(R.PERIODIC_MOTION, values={"shortest_s": 0.8, "longest_s": 1.0}),
-        "repeats itself after 0.80 to 1.00 s, .*: let people turn",
+        "repeats itself with a period of 0.80 s .*1.00 s.*: let people turn",
     ),
     (
         Rejection(R.IDENTICAL_MOTION, values={"person_a": 0.0, "person_b": 1.0}),
