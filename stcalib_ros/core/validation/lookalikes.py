@@ -12,7 +12,7 @@ from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.state import triangulated
 from stcalib_ros.core.geometry.alignment import umeyama
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
-from stcalib_ros.core.validation.limits import (
+from stcalib_ros.core.validation.thresholds import (
     MAX_LOOKALIKE_DISTANCE,
     MIN_JOINTS_OF_PERSON,
     MIN_LOOKALIKE_OVERLAP,

@@ -20,7 +20,7 @@ from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.reconstruction.people import found_persons, people_on_grid
 from stcalib_ros.core.registration.correlation import PairCovariance, cross_covariance
-from stcalib_ros.core.validation.limits import (
+from stcalib_ros.core.validation.thresholds import (
     MAX_LINE_WIDTH,
     MIN_LINE_LENGTH,
     MIN_PERIOD_OVERLAP_S,

@@ -12,7 +12,7 @@ from stcalib_ros.core.bundle.state import person_rows_of
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.relative_pose import relative_pose
-from stcalib_ros.core.validation.limits import (
+from stcalib_ros.core.validation.thresholds import (
     MIN_OFFSET_DIFFERENCE_FRAMES,
     MIN_OFFSET_POINTS,
     OFFSET_ERROR_SCALE,

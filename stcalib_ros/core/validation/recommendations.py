@@ -11,9 +11,8 @@ from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.rejection import Remark, RemarkCode
 from stcalib_ros.core.refinement.limits import MAX_SKEW_STDDEV
 from stcalib_ros.core.validation.camera_checks import CameraChecks
-from stcalib_ros.core.validation.limits import LITTLE_SHARED_MOTION
 from stcalib_ros.core.validation.motion_ambiguity import is_collinear
-from stcalib_ros.core.validation.thresholds import DEFAULT
+from stcalib_ros.core.validation.thresholds import DEFAULT, LITTLE_SHARED_MOTION
 
 
 def recommend(
