@@ -50,34 +50,27 @@ CALLED_FROM_OUTSIDE = {
 }
 """Public functions of core/ that nothing in the package calls, with the reason."""
 
+# Known exceptions, each to be mended; these lists only ever get shorter.
 DOCUMENTED = (
     *("errors", "options", "model", "geometry", "lifting", "registration", "integration"),
+    *("reconstruction", "paper", "output", "stages"),
 )
-# Known exceptions, each to be mended; these lists only ever get shorter.
 UNDOCUMENTED_NUMBERS = (
     *(f"{CORE}.{part}" for part in STAGES if part not in DOCUMENTED),
-    *(f"{CORE}.synthetic", f"{CORE}.monitoring"),
+    f"{CORE}.output.world_frame",
 )
 LONG = {
-    f"{CORE}.monitoring.matching._sightings",
     f"{CORE}.output.assemble.make_calibration",
     f"{CORE}.refinement.spline_trajectories",
     f"{CORE}.synthetic.scene.true_calibration",
-    f"{CORE}.validation.camera_checks.check_cameras",
 }
 UNNAMED_NUMBERS = {
     f"{CORE}.bundle.istba",
     f"{CORE}.bundle.levenberg_marquardt",
-    f"{CORE}.evaluation.metrics",
-    f"{CORE}.monitoring.matching",
-    f"{CORE}.paper.posegraph",
-    f"{CORE}.paper.vmf",
-    f"{CORE}.synthetic.paths",
-    f"{CORE}.synthetic.rigs",
     f"{CORE}.validation.cross_view",
 }
 
-DEFINED_TWICE = {"Step", "_Images", "_Points"}
+DEFINED_TWICE = {"Step", "_Images"}
 
 TREE = sorted((ROOT / PACKAGE).rglob("*.py"))
 

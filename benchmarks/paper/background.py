@@ -12,9 +12,9 @@ import numpy as np
 
 from benchmarks.paper.point_bundle import PointViews
 from stcalib_ros.core.geometry.lens import bearings
+from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.synthetic import SceneRig
-from stcalib_ros.core.synthetic.rigs import image_of
 
 N_POINTS = 4000
 """Number of points on walls and floor."""
@@ -35,7 +35,9 @@ def background_views(rng: np.random.Generator, rig: SceneRig) -> PointViews:
     x = np.zeros((N_POINTS, C, 1, 2))
     seen = np.zeros((N_POINTS, C), dtype=bool)
     for c in range(C):
-        pixels = image_of(points @ rig.R_cam_world[c].T + rig.t_cam_world[c], rig.intrinsics[c])
+        pixels = project_visible(
+            points @ rig.R_cam_world[c].T + rig.t_cam_world[c], rig.intrinsics[c]
+        )
         pixels = pixels + SIGMA_PX * rng.standard_normal(pixels.shape)
         there, _ = bearings(pixels, rig.intrinsics[c])
         seen[:, c] = np.isfinite(there).all(-1)

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.paper.point_bundle import PointViews
 from stcalib_ros.core.geometry.lens import bearings
+from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.synthetic import SceneRig
-from stcalib_ros.core.synthetic.rigs import image_of
 
 CORNERS = (8, 6)
 """Columns and rows of inner corners of the checkerboard; the paper does not give them."""
@@ -118,7 +118,7 @@ def _board_seen_by(
 
 def _pixels(points: Float64Array, normal: Float64Array, rig: SceneRig, c: int) -> Float64Array:
     ray = points.mean(0) - rig.centres_world[c]
-    out = image_of(points @ rig.R_cam_world[c].T + rig.t_cam_world[c], rig.intrinsics[c])
+    out = project_visible(points @ rig.R_cam_world[c].T + rig.t_cam_world[c], rig.intrinsics[c])
     facing = abs(normal @ ray) >= _GRAZING * np.linalg.norm(ray)
     return out if facing and np.isfinite(out).all() else np.full_like(out, np.nan)
 

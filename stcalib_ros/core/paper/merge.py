@@ -1,6 +1,6 @@
-"""One association of all cameras out of those of the pairs, along a spanning tree (Section IV).
+"""Association of all cameras from those of the pairs, along a spanning tree (Section IV).
 
-Two cameras are joined by one path of the tree only, so that following the matches from camera to
+Two cameras are connected by one path of the tree only, so that following the matches from camera to
 camera gives every track one person at most: cycles are consistent by construction.
 """
 
@@ -31,19 +31,19 @@ def merge(
     step_s: float,
     window: int,
 ) -> Association:
-    """Persons of all cameras, slot by slot; a slot reaches from one window to the next.
+    """Associate the persons of all cameras, slot by slot; a slot lasts from one window to the next.
 
     Parameters
     ----------
     cameras : sequence of LiftedCamera
-        All cameras; those of the rig are used.
+        All cameras, of which those of the rig are used.
     rig : Rig
     pairs : sequence of PairRegistration
-        Of the cameras of the rig, on the same windows.
+        Pairs of cameras of the rig, on the same windows.
     start_s, step_s : float
         Time of sample 0 and between samples of the grid of the windows, seconds.
     window : int
-        Samples of a window.
+        Number of samples of a window.
     """
     node = {int(c): i for i, c in enumerate(rig.cameras)}
     starts = pairs[0].starts
@@ -69,12 +69,17 @@ def merge(
     for s in range(n_slots):
         chain.add(s, _groups(edges, s))
     return Association(
-        tuple(chain.person_of), float(first_s), slot_s, chain.n_persons, float("nan"), {}
+        person_of=tuple(chain.person_of),
+        start_s=float(first_s),
+        slot_s=slot_s,
+        n_persons=chain.n_persons,
+        typical_px=float("nan"),
+        margins={},
     )
 
 
 def _groups(edges: Sequence[_Edge], s: int) -> list[list[tuple[int, int]]]:
-    """Tracks (camera, track) that are one person in slot s."""
+    """Group the tracks (camera, track) that are one person in slot s."""
     group: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for a, b, votes in edges:
         for p, q in _one_to_one(votes[s]):

@@ -1,4 +1,4 @@
-"""The paper's stages for the pipeline: all pairs (PR), one rig (MI), the adjustment."""
+"""The paper's stages for the pipeline: all pairs (PR), one rig (MI), the bundle adjustment."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Tick = Callable[[str, float], None]
 def register_pairs(
     views: LiftedViews, cameras: Sequence[int], options: Options, grid: Grid, tick: Tick
 ) -> tuple[PairRegistration, ...]:
-    """Register all pairs of cameras on windows spread over the recording; those that can be."""
+    """Register all pairs of cameras that can be, on windows spread over the recording."""
     o = options.vmf
     rng = np.random.default_rng(options.seed)
     points = {
@@ -50,7 +50,7 @@ def register_pairs(
 def integrate_pairs(
     group: Sequence[int], pairs: Sequence[PairRegistration], options: Options
 ) -> Rig:
-    """The pose graph over all pairs within a group of cameras, the first its reference."""
+    """Optimize the pose graph of a group of cameras; the first is its reference."""
     edges = [pair.hypothesis for pair in _within(pairs, group)]
     return optimise(group, edges, synchronised=options.synchronised)
 
@@ -63,7 +63,7 @@ def adjust_pairs(
     grid: Grid,
     tick: Tick,
 ) -> tuple[Iteration, ...] | Disconnected:
-    """Merge the associations of the pairs of a rig, and adjust until nothing is discarded."""
+    """Merge the associations of the pairs of a rig, and adjust until nothing is rejected."""
     window, members = options.vmf.window, rig.cameras.tolist()
     inside = _within(pairs, members)
     groups = connected_groups(members, [pair.hypothesis for pair in inside])
