@@ -53,9 +53,9 @@ class BoardShots:
 
     def of_pairs_only(self) -> PointViews:
         """Views without the cameras that happened to see a board of another pair."""
-        keep = np.zeros_like(self.seen)
+        keep = np.zeros_like(self.observed)
         np.put_along_axis(keep, self.pair, True, axis=1)
-        seen = self.views.seen & keep[:, :, None]
+        seen = self.views.observed & keep[:, :, None]
         return PointViews(np.where(seen[..., None], self.views.x, 0.0), seen, self.views.focal)
 
 

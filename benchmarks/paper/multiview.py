@@ -154,7 +154,7 @@ def stage_rows(
         row(scene, method, stage, trial, errors, cpu_s=cpu_s, status=status)
         for stage, errors in judged.items()
     ]
-    if not stages.rounds:
+    if not stages.iterations:
         last = "IBA" if options.synchronised else "ISTBA"
         message = stages.calibration.message
         rows.append(row(scene, method, last, trial, None, cpu_s=cpu_s, failure=message))
@@ -168,15 +168,15 @@ def _baseline_rows(
     options = options_of("vmf", T, range_s=0.0)
     stages = baseline_stages(method, recording, truth, options, seed=trial)
     cpu_s = time.process_time() - began
-    if not stages.rounds:
+    if not stages.iterations:
         return [row(scene, method, "IBA", trial, None, cpu_s=cpu_s, failure="nothing to adjust")]
-    before, *after = stages.rounds
+    before, *after = stages.iterations
     rows = []
     for rounds, names in ((before,), ("PR", "MI")), (tuple(after), ("BA", "IBA")):
         if not rounds:
             rows.append(row(scene, method, "IBA", trial, None, cpu_s=cpu_s, failure="disconnected"))
             continue
-        judged = judge_stages(replace(stages, rounds=rounds), truth, fps=FPS, synchronised=True)
+        judged = judge_stages(replace(stages, iterations=rounds), truth, fps=FPS, synchronised=True)
         rows += [row(scene, method, n, trial, judged[n], cpu_s=cpu_s) for n in names]
     return rows
 

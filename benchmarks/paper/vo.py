@@ -85,7 +85,7 @@ def calibrate_vo(
         state = drop_outliers(observations, state, options.bundle)
         state = adjust(observations, state, iterations=12, tolerance=0.1)
         rig = _rig_of(state, rig)
-    errors = errors_px(observations, state)[state.used]
+    errors = errors_px(observations, state)[state.inlier]
     return VoResult(rig, float(errors.mean()), float(np.sqrt(np.mean(errors**2))))
 
 

@@ -128,7 +128,8 @@ def _solve(problem: CalibrationProblem, start: Start) -> Solution:
         estimate_line_delays=options.estimate_line_time,
     )
     covariance = refined.covariance.poses_and_offsets()
-    return check_solution(problem, refined.iterations, covariance, exclusions, unsettled=unsettled)
+    found = check_solution(problem, refined.iterations, covariance, exclusions, unsettled=unsettled)
+    return replace(found, joint_covariance=refined.covariance)
 
 
 def check_solution(

@@ -37,10 +37,10 @@ def camera_errors(stages: Stages) -> tuple[CameraErrors, ...]:
     """Errors of the last round, in the order of the calibration."""
     if not stages.calibration.cameras:
         return ()
-    last = stages.rounds[-1]
+    last = stages.iterations[-1]
     errors = errors_px(last.observations, last.state)
     known = np.isfinite(errors)
-    inside, outside = known & last.state.used, known & ~last.state.used
+    inside, outside = known & last.state.inlier, known & ~last.state.inlier
     names = [stages.lifted[c].name for c in last.rig.cameras]
     return tuple(
         CameraErrors(camera.name, errors[:, c][inside[:, c]], errors[:, c][outside[:, c]])

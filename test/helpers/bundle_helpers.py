@@ -90,7 +90,7 @@ def disturbed(rng: np.random.Generator, state: BundleState, size: float = 0.01) 
 def residuals(p: Problem, state: BundleState) -> np.ndarray:
     """Reprojection residuals (M, 2), px, of all that is used; written out by point and camera."""
     out = []
-    for n, c, j in np.argwhere(state.used):
+    for n, c, j in np.argwhere(state.inlier):
         when = p.o.phi[n, c] + state.shift_s[c]
         X = state.X[n, j] + when * state.V[n, j] + 0.5 * when**2 * state.A[n, j]
         Y = state.R_cam_ref[c] @ X + state.t_cam_ref[c]

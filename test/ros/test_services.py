@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,8 @@ class OneRun:
 
     def end(self, status: Status) -> None:
         assert self.run is not None
-        self.run.result.set_result(self.message(failure(status, "ended"), "first"))
+        result = replace(failure(Status.CANCELLED, "ended"), status=status)
+        self.run.result.set_result(self.message(result, "first"))
 
     def rollback(self) -> str:
         raise NotImplementedError

@@ -259,8 +259,8 @@ def information(
     cluster = clusters(obs, state.triangulated(), n_unknowns=len(layout.free()))
     system, U = cluster_scores(obs, state, cluster, layout)
     errors = errors_px(obs, state)
-    scale = CAUCHY * max(robust_scale(errors, state.used), MIN_SCALE_PX)
-    lost = _curvature_lost(errors[state.used], scale)
+    scale = CAUCHY * max(robust_scale(errors, state.inlier), MIN_SCALE_PX)
+    lost = _curvature_lost(errors[state.inlier], scale)
     noisy = of_poses and not state.synchronised
     noise = velocity_noise(obs, state, scale) if noisy else None
     return Information(state.cameras, system, U, lost, noise)
@@ -304,10 +304,10 @@ def clusters(obs: Observations, known: BoolArray, *, n_unknowns: int) -> IntArra
 
     The span is halved, down to a shortest one, while there are too few clusters of known joints.
     """
-    J = obs.seen.shape[2]
+    J = obs.observed.shape[2]
     span = LONGEST_CLUSTER
     while True:
-        keys = np.stack([obs.person, obs.knot // span], -1)
+        keys = np.stack([obs.person, obs.time_bin // span], -1)
         _, stretch = np.unique(keys, axis=0, return_inverse=True)
         number = stretch.reshape(-1, 1) * J + np.arange(J)
         occupied, found = np.unique(number[known], return_inverse=True)

@@ -39,13 +39,13 @@ from stcalib_ros.core.options import BundleOptions
 
 
 def initial_adjustment(
-    cameras: Sequence[LiftedCamera], rig: Rig, o: BundleOptions, *, step_s: float
+    cameras: Sequence[LiftedCamera], rig: Rig, options: BundleOptions, *, step_s: float
 ) -> Iteration | Disconnected:
     """Associate at the rig of the multi-view integration and adjust on a part of the joints."""
     every = _every_slot(cameras, rig, step_s)
     association = associate(cameras, rig, step_s=step_s, floor_px=FIRST_FLOOR_PX, every=every)
     return _round(
-        *(cameras, rig, association, o, step_s),
+        *(cameras, rig, association, options, step_s),
         tolerance=FIRST_TOLERANCE,
         every_slot=every,
         max_points=MAX_POINTS_FIRST,
@@ -55,7 +55,7 @@ def initial_adjustment(
 def istba_iteration(
     cameras: Sequence[LiftedCamera],
     before: Iteration,
-    o: BundleOptions,
+    options: BundleOptions,
     *,
     step_s: float,
     last: bool,
@@ -66,7 +66,7 @@ def istba_iteration(
     association = associate(cameras, rig, step_s=step_s, floor_px=FLOOR_PX, every=every)
     tolerance = FINAL_TOLERANCE if last else TOLERANCE
     return _round(
-        *(cameras, rig, association, o, step_s),
+        *(cameras, rig, association, options, step_s),
         tolerance=tolerance,
         every_slot=every,
         max_points=None if last else MAX_POINTS_BETWEEN,
@@ -84,7 +84,7 @@ def _every_slot(cameras: Sequence[LiftedCamera], rig: Rig, step_s: float) -> int
 def run_istba(
     cameras: Sequence[LiftedCamera],
     first: Iteration,
-    o: BundleOptions,
+    options: BundleOptions,
     *,
     step_s: float,
     tick: Callable[[float, Iteration], None],
@@ -95,7 +95,7 @@ def run_istba(
     ----------
     cameras : sequence of LiftedCamera
     first : Iteration
-    o : BundleOptions
+    options : BundleOptions
     step_s : float
     tick : callable
         Called before each round with the fraction done and the round before.
@@ -108,12 +108,12 @@ def run_istba(
     """
     done = [first]
     # The initial adjustment has a part of the joints only: one iteration follows in any case.
-    n_iterations = max(o.rounds, 2)
+    n_iterations = max(options.rounds, 2)
     for n in range(1, n_iterations):
         tick(n / n_iterations, done[-1])
         converged = n >= MIN_ITERATIONS and _converged(done[-2], done[-1], step_s)
         last = converged or n == n_iterations - 1
-        result = istba_iteration(cameras, done[-1], o, step_s=step_s, last=last)
+        result = istba_iteration(cameras, done[-1], options, step_s=step_s, last=last)
         if isinstance(result, Disconnected):
             return result
         done = [first, *done[1:][-1:], result]
@@ -138,7 +138,7 @@ def _round(
     cameras: Sequence[LiftedCamera],
     rig: Rig,
     association: Association,
-    o: BundleOptions,
+    options: BundleOptions,
     step_s: float,
     *,
     tolerance: float,
@@ -155,22 +155,22 @@ def _round(
         observations = observations.thinned_joints(every)
     state = initial_state(observations, rig)
     if drop:
-        state = drop_outliers(observations, state, o)
+        state = drop_outliers(observations, state, options)
     total = image_points([cameras[c] for c in rig.cameras]) // (every * every_slot)
-    groups = connected(state.used, total)
+    groups = connected(state.inlier, total)
     if len(groups) > 1:
         return Disconnected(tuple(groups))
     state = adjust(
         observations,
         state,
-        iterations=o.max_iterations,
+        iterations=options.max_iterations,
         tolerance=tolerance,
         renew_velocities=last,
     )
     if drop:
-        state = debias_offsets(observations, state, iterations=o.max_iterations)
+        state = debias_offsets(observations, state, iterations=options.max_iterations)
     if last:
-        state = drop_outliers(observations, state, o)
+        state = drop_outliers(observations, state, options)
     coverage = every_slot * J / observations.x.shape[2]
     return finish_iteration(rig, association, observations, state, total, coverage=coverage)
 
@@ -186,15 +186,15 @@ def finish_iteration(
 ) -> Iteration:
     """The record of a round that started from a rig; `total` image points (C,) in all."""
     errors = errors_px(observations, state)
-    median = median_error(errors, state.used)
-    share = float((state.used.sum((0, 2)) / np.maximum(total, 1)).min())
+    median = median_error(errors, state.inlier)
+    share = float((state.inlier.sum((0, 2)) / np.maximum(total, 1)).min())
     return Iteration(_rig_of(state, rig), association, observations, state, median, coverage, share)
 
 
 def readjusted(
     before: Iteration,
     observations: Observations,
-    o: BundleOptions,
+    options: BundleOptions,
     *,
     last: bool,
     layout: ParameterLayout | None = None,
@@ -202,9 +202,9 @@ def readjusted(
     """Adjust a round from where it is to images at other times, or to further unknowns."""
     known = before.state.triangulated()
     V, A = estimate_motion(observations, before.state.X, known)
-    state = drop_outliers(observations, replace(before.state, V=V, A=A), o)
+    state = drop_outliers(observations, replace(before.state, V=V, A=A), options)
     tolerance = FINAL_TOLERANCE if last else TOLERANCE
     state = adjust(
-        observations, state, iterations=o.max_iterations, tolerance=tolerance, layout=layout
+        observations, state, iterations=options.max_iterations, tolerance=tolerance, layout=layout
     )
     return before.with_state(observations, state)

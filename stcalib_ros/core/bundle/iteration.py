@@ -86,17 +86,17 @@ class Iteration:
     rig : Rig
         Poses and offsets after the adjustment.
     association : Association
-        That the adjustment was made with.
+        Association of tracks that the adjustment was made with.
     observations : Observations
     state : BundleState
-        Of the adjustment; `state.used` are the inliers.
+        State of the adjustment; `state.inlier` are the inliers.
     median_px : float
-        Reprojection error of the inliers.
+        Median reprojection error of the inliers, px.
     coverage : float
-        How many image points stand behind each one of the observations.
-    share : float
-        Of all image points of a camera, matched or not, the part that fits; of the camera
-        with the smallest.
+        Number of keypoints of the recording per observation: more than 1 where these are thinned.
+    explained_fraction : float
+        Fraction of the keypoints of a camera, associated or not, that are inliers; the smallest
+        of all cameras.
     clock_skews : ClockSkews or None
         None where the clocks are synchronised, and before they are estimated.
     timestamp_errors : TimestampErrors or None
@@ -111,7 +111,7 @@ class Iteration:
     state: BundleState
     median_px: float
     coverage: float
-    share: float
+    explained_fraction: float
     clock_skews: ClockSkews | None = None
     timestamp_errors: TimestampErrors | None = None
     line_delays: LineDelays | None = None
@@ -120,7 +120,7 @@ class Iteration:
         """The same persons after one more adjustment of the same images."""
         before = replace(self.rig, offset_s=self.rig.offset_s - self.state.shift_s)
         errors = errors_px(observations, state)
-        median = median_error(errors, state.used)
+        median = median_error(errors, state.inlier)
         return replace(
             self,
             rig=_rig_of(state, before),
@@ -131,7 +131,7 @@ class Iteration:
 
     def rms_px(self) -> float:
         """Root mean square reprojection error of the inliers, px; NaN if there is none."""
-        errors = errors_px(self.observations, self.state)[self.state.used]
+        errors = errors_px(self.observations, self.state)[self.state.inlier]
         return float(np.sqrt((errors**2).mean())) if len(errors) else float("nan")
 
     def fit(self, scale_px: float) -> float:
@@ -142,7 +142,7 @@ class Iteration:
         suits them, so that a person split in two groups of cameras explains little.
         """
         errors = errors_px(self.observations, self.state)
-        good = self.observations.seen & np.isfinite(errors)
+        good = self.observations.observed & np.isfinite(errors)
         value = (1.0 / (1.0 + (errors[good] / scale_px) ** 2)).sum()
         n_points = self.state.triangulated().sum()
         return float((value - 1.5 * n_points) * self.coverage)

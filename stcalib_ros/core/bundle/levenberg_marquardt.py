@@ -36,7 +36,7 @@ Levenberg and Marquardt; starts are near the optimum."""
 
 
 def adjust(
-    o: Observations,
+    obs: Observations,
     state: BundleState,
     *,
     iterations: int,
@@ -48,7 +48,7 @@ def adjust(
 
     Parameters
     ----------
-    o : Observations
+    obs : Observations
     state : BundleState
         Start.
     iterations : int
@@ -62,8 +62,8 @@ def adjust(
         Unknowns that are estimated; default: poses and time offsets.
     """
     damping = _FIRST_DAMPING
-    scale = CAUCHY * noise_px(o, state)
-    problem = PointProblem(o, state, scale, layout)
+    scale = CAUCHY * noise_px(obs, state)
+    problem = PointProblem(obs, state, scale, layout)
     least = _MIN_RENEWALS if renew_velocities else 0
     for step in range(iterations):
         here = problem.reduce(damping)
@@ -73,9 +73,9 @@ def adjust(
             damping = max(damping / _DAMPING_FACTOR, _LEAST_DAMPING)
             if renew_velocities:
                 state = problem.state_of(state)
-                V, A = estimate_motion(o, state.X, state.triangulated())
+                V, A = estimate_motion(obs, state.X, state.triangulated())
                 state = replace(state, V=V, A=A)
-                problem = PointProblem(o, state, scale, layout)
+                problem = PointProblem(obs, state, scale, layout)
             if there.length < tolerance and step >= least:
                 break
         else:
@@ -86,13 +86,13 @@ def adjust(
 
 
 def time_sums(
-    o: Observations, state: BundleState, group: IntArray
+    obs: Observations, state: BundleState, group: IntArray
 ) -> tuple[Float64Array, Float64Array]:
     """Normal equations of the times of the images of groups of rows, cameras given.
 
     Parameters
     ----------
-    o : Observations
+    obs : Observations
     state : BundleState
     group : (N,) ndarray of int
         Number of the group of each row; each camera has one time in each.
@@ -103,9 +103,9 @@ def time_sums(
     g : (K, C) ndarray
         Both in units of the noise of the image points, the points eliminated.
     """
-    sigma = noise_px(o, state)
-    problem = PointProblem(o, state, CAUCHY * sigma)
-    K, C, J = int(group.max()) + 1, *o.seen.shape[1:]
+    sigma = noise_px(obs, state)
+    problem = PointProblem(obs, state, CAUCHY * sigma)
+    K, C, J = int(group.max()) + 1, *obs.observed.shape[1:]
     H, g = np.zeros((K, C, C)), np.zeros((K, C))
     for block, at in problem.linearised():
         number = group[block.points // J]
@@ -119,13 +119,13 @@ def time_sums(
 
 
 def cluster_scores(
-    o: Observations, state: BundleState, cluster: IntArray, layout: ParameterLayout | None = None
+    obs: Observations, state: BundleState, cluster: IntArray, layout: ParameterLayout | None = None
 ) -> tuple[ReducedSystem, Float64Array]:
     """Undamped reduced normal equations at a state, and what clusters of points add to them.
 
     Parameters
     ----------
-    o : Observations
+    obs : Observations
     state : BundleState
     cluster : (N, J) ndarray of int
         Number of the cluster that each point belongs to.
@@ -138,8 +138,8 @@ def cluster_scores(
     scores : (layout.size, n) ndarray
         Share of each cluster in the gradient; their sum is ``system.g``.
     """
-    sigma = noise_px(o, state)
-    problem = PointProblem(o, state, CAUCHY * sigma, layout)
+    sigma = noise_px(obs, state)
+    problem = PointProblem(obs, state, CAUCHY * sigma, layout)
     labels, n = cluster.ravel(), int(cluster.max(initial=-1)) + 1
     k = problem.layout.size
     H, g, scores = np.zeros((k, k)), np.zeros(k), np.zeros((k, n))
@@ -163,7 +163,7 @@ class ReducedProblem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
+class SolverStep:
     """The adjustment after a step.
 
     Attributes
@@ -185,19 +185,19 @@ class PointProblem:
 
     def __init__(
         self,
-        o: Observations,
+        obs: Observations,
         state: BundleState,
         scale: float,
         layout: ParameterLayout | None = None,
     ) -> None:
-        self.o, self.state, self.scale = o, state, scale
+        self.obs, self.state, self.scale = obs, state, scale
         self.layout = layout or state.layout
         self.cameras = state.cameras
 
     def blocks(self) -> Iterator[Block]:
         """All points, a block at a time."""
-        for rows in blocks_of(self.o):
-            yield Block(self.o, self.state.used, self.state.V, self.state.A, rows)
+        for rows in blocks_of(self.obs):
+            yield Block(self.obs, self.state.inlier, self.state.V, self.state.A, rows)
 
     def linearised(self) -> Iterator[tuple[Block, Linearisation]]:
         """The same with their predictions."""
@@ -220,7 +220,7 @@ class PointProblem:
         H[range(n), range(n)] += damping * diagonal
         return ReducedProblem(cost, ReducedSystem(H, g), eliminated)
 
-    def apply_step(self, by: ReducedProblem) -> Step:
+    def apply_step(self, by: ReducedProblem) -> SolverStep:
         """The problem after the step of a system; the pose of the reference and the scale stay."""
         system = by.system
         d_camera = -self.layout.solve(system.H, system.g, self.cameras)
@@ -234,7 +234,9 @@ class PointProblem:
             flat_X[block.points] = moved
             cost += block.at(cameras, moved).cost(self.scale)
         state = replace(self.state.with_cameras(cameras), X=X)
-        return Step(PointProblem(self.o, state, self.scale, self.layout), cost, float(length))
+        return SolverStep(
+            PointProblem(self.obs, state, self.scale, self.layout), cost, float(length)
+        )
 
     def state_of(self, before: BundleState) -> BundleState:
         """The state, the length of the gauge exactly what it was before."""

@@ -112,3 +112,39 @@ solutions differ in a camera that is displaced by more than the sum. Chosen like
 OTHER_SCALE = 1.1
 """Ratio. Two solutions of a scale that differs by less are compared at one scale: the size of the
 people is not known better. Chosen."""
+
+OTHER_OFFSET_FRAMES = 3.0
+"""Frames. Two solutions differ in a camera whose time offset differs by more: the next correct
+looking alignment of a walk is half a step away, ten frames and more. Chosen on simulated scenes of
+benchmarks.accuracy.level --hard; not verified on real recordings."""
+
+SAME_OFFSET_FRAMES = 0.5
+"""Frames. Initial adjustments that differ by less in every offset came to one solution. Derived:
+further iterations move offsets by up to half a frame, to where no frame is re-indexed."""
+
+MIN_RIVAL_SUPPORT = 0.5
+"""Fraction of the support of the best candidate rig. Candidates with less are not adjusted. Chosen
+on simulated scenes of benchmarks.accuracy.level --hard; not verified on real recordings."""
+
+MIN_RIGS_TRIED = 3
+"""Count. As many candidate rigs are adjusted even if the first explains enough. Chosen for speed:
+each costs a tenth of a calibration."""
+
+MIN_EXPLAINED_TO_STOP = 0.6
+"""Fraction of the keypoints of the least explained camera that are inliers. While no candidate
+reaches it, more are tried. Chosen on simulated scenes; real detections explain less, so that more
+candidates are tried there, at the cost of time only."""
+
+MAX_FIT_LOSS = 0.3
+"""Fraction of the fit of the best candidate. Candidates that lose less are adjusted once more
+before one is chosen: people are associated better by then. Chosen on simulated scenes of
+benchmarks.accuracy.level --hard."""
+
+DECISIVE_FIT_GAIN = 0.1
+"""Fraction of the keypoints of the cameras in which two solutions differ. A rival that fits worse
+by less leaves the recording ambiguous. Chosen on benchmarks.accuracy.level --hard, where no wrong
+solution wins by more; not verified on real recordings."""
+
+MIN_FIT_SCALE_PX = 12.0
+"""Pixels. Least scale of the robust count by which candidates are compared, four times the noise of
+a usual detector: initial poses are not accurate. Chosen on simulated scenes."""

@@ -58,8 +58,8 @@ class Block:
 
     Parameters
     ----------
-    o : Observations
-    used : (N, C, J) ndarray of bool
+    obs : Observations
+    inlier : (N, C, J) ndarray of bool
         Image points that take part.
     V, A : (N, J, 3) ndarray
         Velocities and accelerations.
@@ -67,7 +67,7 @@ class Block:
     """
 
     def __init__(
-        self, o: Observations, used: BoolArray, V: Float64Array, A: Float64Array, rows: slice
+        self, obs: Observations, used: BoolArray, V: Float64Array, A: Float64Array, rows: slice
     ) -> None:
         n, C, J = used[rows].shape
         mask = used[rows].transpose(1, 0, 2).reshape(C, n * J)
@@ -75,13 +75,15 @@ class Block:
         keep: slice | IntArray = slice(None) if inside.all() else np.flatnonzero(inside)
         self.mask = mask[:, keep]
         self.points: IntArray = rows.start * J + np.flatnonzero(inside)
-        self.x = o.x[rows].transpose(1, 3, 0, 2).reshape(C, 2, n * J)[:, :, keep]
-        focal = o.focal[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
+        self.x = obs.x[rows].transpose(1, 3, 0, 2).reshape(C, 2, n * J)[:, :, keep]
+        focal = obs.focal[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
         self.focal: Float64Array = focal * self.mask
-        elapsed = np.broadcast_to(o.elapsed(rows), (n, C, J))
+        elapsed = np.broadcast_to(obs.elapsed(rows), (n, C, J))
         self.phi = elapsed.transpose(1, 0, 2).reshape(C, n * J)[:, keep]
-        row = None if o.row is None else o.row[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
-        since = np.repeat(o.since_middle(rows), J)[keep]
+        row = (
+            None if obs.row is None else obs.row[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
+        )
+        since = np.repeat(obs.since_middle(rows), J)[keep]
         self.times = PointTimes(since, np.zeros((1, 1)) if row is None else row)
         self.V = V[rows].reshape(-1, 3)[keep].T
         self.A = A[rows].reshape(-1, 3)[keep].T

@@ -27,7 +27,7 @@ class Observations:
 
     Attributes
     ----------
-    person, knot : (N,) ndarray of int
+    person, time_bin : (N,) ndarray of int
         Rows are sorted by person, then knot.
     track : (N, C) ndarray of int
         Index of the track that the points come from; -1 where none.
@@ -37,7 +37,7 @@ class Observations:
         Points on the plane z = 1; 0 where not seen.
     focal : (N, C, J) ndarray
         Pixels per unit of x.
-    seen : (N, C, J) ndarray of bool
+    observed : (N, C, J) ndarray of bool
     start_s, step_s : float
         Time of knot 0 and between knots.
     row : (N, C, J) ndarray or None
@@ -50,12 +50,12 @@ class Observations:
     """
 
     person: IntArray
-    knot: IntArray
+    time_bin: IntArray
     track: IntArray
     phi: Float64Array
     x: Float32Array
     focal: Float32Array
-    seen: BoolArray
+    observed: BoolArray
     start_s: float
     step_s: float
     row: Float32Array | None = None
@@ -64,7 +64,7 @@ class Observations:
 
     def since_middle(self, rows: slice | IntArray = slice(None)) -> Float64Array:
         """Time (n,) of rows after the middle of the recording, s."""
-        return np.asarray(self.start_s + self.knot[rows] * self.step_s - self.middle_s)
+        return np.asarray(self.start_s + self.time_bin[rows] * self.step_s - self.middle_s)
 
     def point_times(self, rows: slice | IntArray = slice(None)) -> PointTimes:
         """What the delays of the points of rows depend on: (n, 1, 1) and (n, C, J)."""
@@ -87,13 +87,13 @@ class Observations:
             self,
             x=self.x[:, :, ::n].copy(),
             focal=self.focal[:, :, ::n].copy(),
-            seen=self.seen[:, :, ::n].copy(),
+            observed=self.observed[:, :, ::n].copy(),
             row=None if self.row is None else self.row[:, :, ::n].copy(),
         )
 
     def only(self, rows: IntArray | BoolArray) -> Observations:
         """The same with some rows only."""
-        names = ("person", "knot", "track", "phi", "x", "focal", "seen")
+        names = ("person", "time_bin", "track", "phi", "x", "focal", "observed")
         row = None if self.row is None else self.row[rows]
         return replace(self, row=row, **{name: getattr(self, name)[rows] for name in names})
 
@@ -141,7 +141,7 @@ def observe(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Images:
+class _CameraImages:
     person: IntArray
     knot: IntArray
     phi: Float64Array
@@ -153,7 +153,7 @@ class _Images:
 
 def _images(
     camera: LiftedCamera, rig: Rig, i: int, association: Association, step_s: float
-) -> _Images:
+) -> _CameraImages:
     """All images of associated persons of one camera, with the knots they belong to."""
     parts = []
     times = camera.stamps + rig.offset_s[i]
@@ -167,7 +167,7 @@ def _images(
         index = np.full(len(frames), p, dtype=np.int64)
         part = (person[use], knots[frames], late[frames], index, track.x[use], track.focal[use])
         parts.append(part if track.rows is None else (*part, track.rows[use]))
-    return _Images(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return _CameraImages(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def nearest_knots(position: Float64Array) -> IntArray:
@@ -185,9 +185,9 @@ def nearest_knots(position: Float64Array) -> IntArray:
     return knot
 
 
-def blocks_of(o: Observations) -> Iterator[slice]:
+def blocks_of(obs: Observations) -> Iterator[slice]:
     """Rows in portions that fit into the cache."""
-    N, C, J = o.seen.shape
+    N, C, J = obs.observed.shape
     return row_blocks(N, C * J)
 
 

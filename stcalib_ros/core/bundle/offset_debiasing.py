@@ -100,7 +100,7 @@ def velocity_noise(obs: Observations, state: BundleState, scale: float) -> Veloc
         Of the Cauchy weights, px.
     """
     problem = PointProblem(obs, state, scale)
-    variance, noise = np.full(state.used.shape[::2], np.inf), _signs(obs, state.X.shape[1])
+    variance, noise = np.full(state.inlier.shape[::2], np.inf), _signs(obs, state.X.shape[1])
     flat_variance, flat_noise = variance.reshape(-1), noise.reshape(-1, 3)
     for block, at in problem.linearised():
         factors = at.unweighted_factors()
@@ -123,7 +123,7 @@ def velocity_noise(obs: Observations, state: BundleState, scale: float) -> Veloc
 
 def _signs(obs: Observations, J: int) -> Float64Array:
     """Random signs (N, J, 3), the same for all persons of a time bin, whatever their order."""
-    since = obs.knot - obs.knot.min()
+    since = obs.time_bin - obs.time_bin.min()
     sample = np.random.default_rng(0).integers(0, 2, (int(since.max()) + 1, J, 3))
     return np.asarray(2.0 * sample[since] - 1.0)
 
@@ -134,7 +134,7 @@ def debiased(obs: Observations, state: BundleState) -> BundleState:
     As it is where most of what is known of some offset is noise. Unknowns beyond pose and offset
     keep their values.
     """
-    scale = robust_scale(errors_px(obs, state), state.used) * CAUCHY
+    scale = robust_scale(errors_px(obs, state), state.inlier) * CAUCHY
     if state.synchronised or not scale > CAUCHY * MIN_SCALE_PX:
         return state
     noise = velocity_noise(obs, state, scale)

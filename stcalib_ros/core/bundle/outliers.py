@@ -22,19 +22,19 @@ def image_points(members: Sequence[LiftedCamera]) -> IntArray:
     return np.array([sum(np.isfinite(t.x[..., 0]).sum() for t in m.tracks) for m in members])
 
 
-def drop_outliers(o: Observations, state: BundleState, b: BundleOptions) -> BundleState:
+def drop_outliers(obs: Observations, state: BundleState, options: BundleOptions) -> BundleState:
     """Leave out observations above three times the median error (Section IV)."""
-    errors = errors_px(o, state)
-    inside = np.isfinite(errors) & o.seen
+    errors = errors_px(obs, state)
+    inside = np.isfinite(errors) & obs.observed
     if not inside.any():
-        return replace(state, used=inside)
-    used = inside & (errors < outlier_limit_px(errors, state.used, b))
+        return replace(state, inlier=inside)
+    used = inside & (errors < outlier_limit_px(errors, state.inlier, options))
     return state.with_inliers(used)
 
 
-def outlier_limit_px(errors: Float32Array, used: BoolArray, b: BundleOptions) -> float:
+def outlier_limit_px(errors: Float32Array, used: BoolArray, options: BundleOptions) -> float:
     """Error above which an image point is an outlier, by the median of the used ones."""
-    return max(b.outlier_floor_px, b.outlier_factor * median_error(errors, used))
+    return max(options.outlier_floor_px, options.outlier_factor * median_error(errors, used))
 
 
 def connected(used: BoolArray, total: IntArray) -> list[tuple[int, ...]]:
@@ -44,7 +44,7 @@ def connected(used: BoolArray, total: IntArray) -> list[tuple[int, ...]]:
 
     Parameters
     ----------
-    used : (N, C, J) ndarray of bool
+    inlier : (N, C, J) ndarray of bool
     total : (C,) ndarray of int
         Image points of each camera, matched or not.
     """

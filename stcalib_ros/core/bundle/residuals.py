@@ -109,47 +109,47 @@ class Projection:
 
 
 def at_images(
-    o: Observations, state: BundleState, rows: slice | IntArray = slice(None)
+    obs: Observations, state: BundleState, rows: slice | IntArray = slice(None)
 ) -> Float64Array:
     """Joints (N, C, J, 3) in the reference frame at the time of each camera's image."""
-    when = (o.elapsed(rows) + state.cameras.delay(o.point_times(rows)))[..., None]
+    when = (obs.elapsed(rows) + state.cameras.delay(obs.point_times(rows)))[..., None]
     V, A = state.V[rows][:, None], state.A[rows][:, None]
     return np.asarray(state.X[rows][:, None] + when * (V + 0.5 * when * A))
 
 
 def camera_points(
-    o: Observations, state: BundleState, rows: slice | IntArray = slice(None)
+    obs: Observations, state: BundleState, rows: slice | IntArray = slice(None)
 ) -> Float64Array:
     """Joints (N, C, J, 3) in the frames of the cameras at the time of each camera's image."""
-    y = at_images(o, state, rows) @ np.swapaxes(state.R_cam_ref, -1, -2)
+    y = at_images(obs, state, rows) @ np.swapaxes(state.R_cam_ref, -1, -2)
     Z = y + state.t_cam_ref[:, None]
     if not any(unknown.displacements for unknown in state.further):
         return Z
     y, Z = y.swapaxes(-1, -2), Z.swapaxes(-1, -2)
-    moved = state.cameras.displaced(PointView(y, np.zeros_like(y), Z, o.point_times(rows)))
+    moved = state.cameras.displaced(PointView(y, np.zeros_like(y), Z, obs.point_times(rows)))
     return np.asarray(moved.swapaxes(-1, -2))
 
 
 def residuals_px(
-    o: Observations, state: BundleState, rows: slice = slice(None)
+    obs: Observations, state: BundleState, rows: slice = slice(None)
 ) -> tuple[Float64Array, BoolArray]:
     """Reprojection residuals (N, C, J, 2), px, and which of them take part and are finite."""
-    Y = camera_points(o, state, rows)
+    Y = camera_points(obs, state, rows)
     with np.errstate(divide="ignore", invalid="ignore"):
-        r = (Y[..., :2] / Y[..., 2:] - o.x[rows]) * o.focal[rows][..., None]
+        r = (Y[..., :2] / Y[..., 2:] - obs.x[rows]) * obs.focal[rows][..., None]
     r[Y[..., 2] < NEAREST] = np.inf
-    return r, state.used[rows] & np.isfinite(r).all(-1)
+    return r, state.inlier[rows] & np.isfinite(r).all(-1)
 
 
-def errors_px(o: Observations, state: BundleState) -> Float32Array:
+def errors_px(obs: Observations, state: BundleState) -> Float32Array:
     """Reprojection errors (N, C, J), px; NaN where nothing was seen or no point is known.
 
     As precise as the image points are.
     """
-    out, determined = np.empty(o.seen.shape, o.x.dtype), state.triangulated()
-    for rows in blocks_of(o):
-        r = residuals_px(o, state, rows)[0]
-        known = o.seen[rows] & determined[rows][:, None]
+    out, determined = np.empty(obs.observed.shape, obs.x.dtype), state.triangulated()
+    for rows in blocks_of(obs):
+        r = residuals_px(obs, state, rows)[0]
+        known = obs.observed[rows] & determined[rows][:, None]
         out[rows] = np.where(known, np.sqrt(r[..., 0] ** 2 + r[..., 1] ** 2), np.nan)
     return out
 
@@ -174,6 +174,6 @@ def robust_scale(errors: Float32Array, used: BoolArray) -> float:
     return sigma / float(np.sqrt(max(fraction, LEAST_SHARE)))
 
 
-def noise_px(o: Observations, state: BundleState) -> float:
+def noise_px(obs: Observations, state: BundleState) -> float:
     """Standard deviation of the keypoints, px per axis, from the residuals of a state."""
-    return max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
+    return max(robust_scale(errors_px(obs, state), state.inlier), MIN_SCALE_PX)

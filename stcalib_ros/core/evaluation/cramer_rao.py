@@ -46,7 +46,10 @@ Path = Callable[[Float64Array, int], Float64Array]
 """Joints (T, P, J, 3) in the reference frame at times (T,), or their n-th derivative by time."""
 
 _RIDGE = 1e-12
+"""Fraction of the mean diagonal of the normal equations of the splines. Numerical."""
 _LEAST_ACCELERATION = 1e-3
+"""Fraction of the largest mean square acceleration of a joint: joints that hardly move still have
+a finite prior. Numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +74,7 @@ class TrueViews:
     t_cam_ref: Float64Array
     focal_px: Float64Array
     times_s: tuple[Float64Array, ...]
-    seen: tuple[BoolArray, ...]
+    observed: tuple[BoolArray, ...]
     sigma_px: float
 
     @property
@@ -193,10 +196,10 @@ def expected_errors(
 def true_problem(views: TrueViews, path: Path) -> tuple[Observations, BundleState]:
     """The adjustment of a scene at its optimum: image points without noise."""
     step = views.step_s
-    C, P, J = len(views.seen), *views.seen[0].shape[1:]
+    C, P, J = len(views.observed), *views.observed[0].shape[1:]
     K = 1 + round((max(float(t[-1]) for t in views.times_s) - views.start_s) / step)
     phi, seen = np.zeros((K, C)), np.zeros((K, C, P, J), dtype=bool)
-    for c, (times, mask) in enumerate(zip(views.times_s, views.seen, strict=True)):
+    for c, (times, mask) in enumerate(zip(views.times_s, views.observed, strict=True)):
         knot = np.rint((times - views.start_s) / step).astype(np.int64)
         late = times - views.start_s - knot * step
         order = np.argsort(-np.abs(late), kind="stable")
@@ -209,7 +212,7 @@ def true_problem(views: TrueViews, path: Path) -> tuple[Observations, BundleStat
     used = seen.transpose(2, 0, 1, 3).reshape(P * K, C, J)
     rows = used.any((1, 2))
     focal = np.broadcast_to(views.focal_px[:, None], used.shape).copy()
-    o = Observations(
+    obs = Observations(
         person,
         knot,
         np.where(used.any(-1), person[:, None], -1),
@@ -224,9 +227,9 @@ def true_problem(views: TrueViews, path: Path) -> tuple[Observations, BundleStat
     state = BundleState(
         views.R_cam_ref, views.t_cam_ref, np.zeros(C), X[rows], V[rows], A[rows], used[rows]
     )
-    Y = camera_points(o, state)
-    x = np.where(o.seen[..., None], Y[..., :2] / Y[..., 2:], 0.0)
-    return replace(o, x=x), state
+    Y = camera_points(obs, state)
+    x = np.where(obs.observed[..., None], Y[..., :2] / Y[..., 2:], 0.0)
+    return replace(obs, x=x), state
 
 
 def _spline_equations(
@@ -242,7 +245,7 @@ def _spline_equations(
     band : (P J, 12, 3 K) ndarray
         Lower diagonals of those of the coefficients.
     """
-    P, J = views.seen[0].shape[1:]
+    P, J = views.observed[0].shape[1:]
     position = [(t - views.start_s) / views.step_s for t in views.times_s]
     K = 4 + max(int(p[-1]) for p in position)
     H = np.zeros((layout.size, layout.size))
@@ -271,7 +274,7 @@ def _derivatives(
     T, m = len(times), len(X) // len(times)
     camera = Cameras(R[None], views.t_cam_ref[c : c + 1], np.zeros(1))
     since = np.repeat(times - views.middle_s, m)[None]
-    focal = views.seen[c].reshape(1, -1) * views.focal_px[c] / views.sigma_px
+    focal = views.observed[c].reshape(1, -1) * views.focal_px[c] / views.sigma_px
     at = Projection(
         camera,
         (R @ X.T)[None],

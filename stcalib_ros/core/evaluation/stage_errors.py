@@ -141,8 +141,8 @@ def judge_stages(
     rows: dict[str, Errors] = {}
     if stages.hypotheses:
         rows["PR"] = _pairs_errors(stages, truth, fps)
-    if stages.rigs and stages.rounds:
-        first, last = stages.rounds[0], stages.rounds[-1]
+    if stages.rigs and stages.iterations:
+        first, last = stages.iterations[0], stages.iterations[-1]
         if (integrated := _integration_errors(stages, first, truth, fps)) is not None:
             rows["MI"] = integrated
         names = ("BA", "IBA") if synchronised else ("STBA", "ISTBA")
@@ -260,7 +260,7 @@ def _integration_errors(
 
 def _round_errors(stages: Stages, done: Iteration, truth: Calibration, fps: float) -> Errors:
     errors = errors_px(done.observations, done.state)
-    errors = errors[done.state.used & np.isfinite(errors)]
+    errors = errors[done.state.inlier & np.isfinite(errors)]
     points = _rig_points(stages.lifted, done.rig, done.association)
     return _rig_errors(stages.lifted, done.rig, done.association, points, errors, truth, fps)
 

@@ -73,7 +73,7 @@ def register(
     source: OrientedPoints,
     starts: IntArray,
     lags: IntArray,
-    o: VmfOptions,
+    options: VmfOptions,
     rng: np.random.Generator,
 ) -> PairRegistration | None:
     """Register two views; return None if nobody in them can be matched.
@@ -88,13 +88,13 @@ def register(
         First samples of the windows.
     lags : (L,) ndarray of int
         Offsets to examine: sample k of the target is compared with sample k + lag.
-    o : VmfOptions
+    options : VmfOptions
     rng : numpy.random.Generator
         Source of the initial rotations, and of the subsets where there are too many to try all.
     """
     if not len(target.v) or not len(source.v):
         return None
-    search = _Search(target, source, starts, lags, o, rng)
+    search = _Search(target, source, starts, lags, options, rng)
     found = search.best()
     return None if found is None else search.registration(a, b, *found)
 
@@ -108,15 +108,15 @@ class _Search:
         source: OrientedPoints,
         starts: IntArray,
         lags: IntArray,
-        o: VmfOptions,
+        options: VmfOptions,
         rng: np.random.Generator,
     ) -> None:
         self.target, self.source, self.starts, self.lags = target, source, starts, lags
-        self.o, self.rng = o, rng
-        samples = samples_of(starts, o.window, np.zeros((), dtype=np.int64))
+        self.options, self.rng = options, rng
+        samples = samples_of(starts, options.window, np.zeros((), dtype=np.int64))
         self.v, self.known = take(target.v, samples), take(target.known, samples)
-        self.model, self.seen = source_model(source, starts, lags, o.window)
-        self.ransac = 0 < o.n_hypothesised < len(source.v)
+        self.model, self.observed = source_model(source, starts, lags, options.window)
+        self.ransac = 0 < options.n_hypothesised < len(source.v)
 
     def best(self) -> tuple[Float64Array, int, BoolArray, float] | None:
         """Return rotation, index of the lag, association and cost of the best hypothesis."""
@@ -128,7 +128,7 @@ class _Search:
         np.put_along_axis(hypothesised, np.array(subsets), values=True, axis=-1)
         R, lag, which = self._finalists(subsets, hypothesised)
         evidence = self._evidence(lag)
-        limit = self.o.no_match_rad
+        limit = self.options.no_match_rad
         if self.ransac:
             sources = hypothesised[which]
             R = self._refitted(R, lag, evidence, sources, limit)
@@ -145,7 +145,7 @@ class _Search:
     def _evidence(self, lag: IntArray) -> Evidence:
         """Return the statistics at some offsets."""
         model = VonMisesFisher(self.model.mu[:, lag], self.model.kappa[:, lag])
-        return gather_evidence(self.v, self.known, model, self.seen[:, lag])
+        return gather_evidence(self.v, self.known, model, self.observed[:, lag])
 
     def _refitted(
         self, R: Float64Array, lag: IntArray, evidence: Evidence, sources: BoolArray, limit: float
@@ -161,7 +161,7 @@ class _Search:
         self, R: Float64Array, lag: IntArray, evidence: Evidence, sources: BoolArray
     ) -> float:
         """Return the mean angle of the hypothesised persons (H, Q) in the best hypothesis."""
-        limit = self.o.no_match_rad
+        limit = self.options.no_match_rad
         angles, A = self._associate(R, lag, limit)
         each = np.where(A.any(2), np.where(A, angles, 0.0).sum(2), limit)
         present: BoolArray = np.asarray(evidence.present.any(2))
@@ -172,7 +172,7 @@ class _Search:
 
     def _subsets(self, n_persons: int) -> list[list[int]]:
         """Return the sets of source persons hypothesised to be in the target view as well."""
-        every = [list(c) for c in combinations(range(n_persons), self.o.n_hypothesised)]
+        every = [list(c) for c in combinations(range(n_persons), self.options.n_hypothesised)]
         if len(every) <= _MAX_SUBSETS:
             return every
         chosen = self.rng.choice(len(every), _MAX_SUBSETS, replace=False)
@@ -187,11 +187,11 @@ class _Search:
     def _initial(self, evidence: Evidence) -> Float64Array:
         """Return initial rotations (L, K, 3, 3): random ones, or of every pair of persons."""
         L, _, P, Q = evidence.present.shape
-        if self.o.initial == "candidates":
+        if self.options.initial == "candidates":
             present = evidence.present[..., None, None]
             pairs: Float64Array = np.where(present, evidence.B, 0.0).sum(1)
             return best_rotation(pairs.reshape(L, P * Q, 3, 3))
-        q = self.rng.standard_normal((L, self.o.n_starts, 4))
+        q = self.rng.standard_normal((L, self.options.n_starts, 4))
         return matrix_from_quaternion(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
     def _finalists(
@@ -202,7 +202,7 @@ class _Search:
         They are rotations (H, 3, 3), indices of the offset (H,) and of the subset (H,).
         """
         W, P, Q = len(self.starts), len(self.v), len(self.source.v)
-        n_starts = P * Q if self.o.initial == "candidates" else self.o.n_starts
+        n_starts = P * Q if self.options.initial == "candidates" else self.options.n_starts
         size = max(1, _BLOCK // (W * P * max(9 * Q, n_starts * len(subsets[0]))))
         found: list[tuple[Float64Array, Float64Array, IntArray, IntArray]] = []
         for block in np.split(np.arange(len(self.lags)), range(size, len(self.lags), size)):
@@ -223,7 +223,7 @@ class _Search:
         N, L = R.shape[:2]
         known = np.where(self.model.kappa[:, lag] > 0, 1.0, 0.0)
         plain = gather_evidence(
-            self.v, self.known, VonMisesFisher(self.model.mu[:, lag], known), self.seen[:, lag]
+            self.v, self.known, VonMisesFisher(self.model.mu[:, lag], known), self.observed[:, lag]
         )
         joints = self.known.sum(2).transpose(1, 0, 2)
         count: Float64Array = joints @ known.transpose(1, 2, 3, 0)
@@ -232,14 +232,14 @@ class _Search:
         mean = fit.reshape(L, N, *count.shape[1:]) / np.maximum(count, 1.0)[:, None]
         usable = (count > 0) & plain.present
         angle = np.where(usable[:, None], np.arccos(np.clip(mean, -1.0, 1.0)), np.inf)
-        nearest = np.minimum(angle.min(3), self.o.no_match_rad)
+        nearest = np.minimum(angle.min(3), self.options.no_match_rad)
         return np.asarray(np.einsum("lnwq,nq->nl", nearest, hypothesised * 1.0))
 
     def _associate(
         self, R: Float64Array, lag: IntArray, limit: float
     ) -> tuple[Float64Array, BoolArray]:
         """Return mean angles and associations, both (H, W, P, Q), of hypotheses."""
-        samples = samples_of(self.starts, self.o.window, self.lags[lag])
+        samples = samples_of(self.starts, self.options.window, self.lags[lag])
         there, known = take(self.source.v, samples), take(self.source.known, samples)
         angles = mean_angles(self.v, self.known, there, known, R)
         return angles, np.stack([match(one, limit) for one in angles])
@@ -250,7 +250,7 @@ class _Search:
         """Return the best hypothesis with its translation."""
         matches = np.argwhere(A)
         t = self._translation(R, int(self.lags[lag]), matches)
-        gain = 1.0 - cost / self.o.no_match_rad
+        gain = 1.0 - cost / self.options.no_match_rad
         frames = float(self.known.max(-1).sum(-1)[matches[:, 1], matches[:, 0]].sum())
         hypothesis = RelativePose(
             a=a,
@@ -265,8 +265,8 @@ class _Search:
 
     def _translation(self, R: Float64Array, lag: int, matches: IntArray) -> Float64Array:
         """Return the epipolar direction with the length of monocular positions."""
-        here = (self.starts[matches[:, 0], None] + np.arange(self.o.window)).ravel()
-        p, q = (np.repeat(matches[:, i], self.o.window) for i in (1, 2))
+        here = (self.starts[matches[:, 0], None] + np.arange(self.options.window)).ravel()
+        p, q = (np.repeat(matches[:, i], self.options.window) for i in (1, 2))
         n = self.source.v.shape[1]
         inside = (here + lag >= 0) & (here + lag < n)
         here, p, q = here[inside], p[inside], q[inside]

@@ -28,7 +28,7 @@ def register_pairs(
     views: LiftedViews, cameras: Sequence[int], options: Options, grid: Grid, tick: Tick
 ) -> tuple[PairRegistration, ...]:
     """Register all pairs of cameras that can be, on windows spread over the recording."""
-    o = options.vmf
+    vmf = options.vmf
     rng = np.random.default_rng(options.seed)
     points = {
         c: oriented_points(
@@ -36,14 +36,14 @@ def register_pairs(
         )
         for c in cameras
     }
-    reach = int(np.ceil(2.0 * options.offset_range_s / grid.step_s)) if o.search_offsets else 0
+    reach = int(np.ceil(2.0 * options.offset_range_s / grid.step_s)) if vmf.search_offsets else 0
     lags = np.arange(-reach, reach + 1)
-    starts = spread_windows(grid.n, o.window, o.n_windows)
+    starts = spread_windows(grid.n, vmf.window, vmf.n_windows)
     pairs = [(a, b) for i, a in enumerate(cameras) for b in cameras[i + 1 :]]
     found = []
     for k, (a, b) in enumerate(pairs):
         tick("pairwise registration", k / len(pairs))
-        found.append(register(a, b, points[a], points[b], starts, lags, o, rng))
+        found.append(register(a, b, points[a], points[b], starts, lags, vmf, rng))
     return tuple(pair for pair in found if pair is not None)
 
 

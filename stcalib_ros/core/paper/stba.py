@@ -38,7 +38,7 @@ def adjust_rounds(
     cameras: Sequence[LiftedCamera],
     rig: Rig,
     association: Association,
-    o: BundleOptions,
+    options: BundleOptions,
     *,
     step_s: float,
     window: int,
@@ -55,7 +55,7 @@ def adjust_rounds(
         Rig of the pose graph.
     association : Association
         Association along the spanning tree.
-    o : BundleOptions
+    options : BundleOptions
         Options; its minimum for outliers is ignored, as the paper's limit is a multiple of the
         median alone.
     step_s : float
@@ -69,40 +69,40 @@ def adjust_rounds(
     tuple of Iteration or Disconnected
         The first is STBA, the last ISTBA.
     """
-    o = replace(o, outlier_floor_px=0.0)
+    options = replace(options, outlier_floor_px=0.0)
     observations = observe(cameras, rig, association, step_s=step_s)
     total = image_points([cameras[c] for c in rig.cameras])
     state = initial_state(observations, rig, window)
     rounds: list[Iteration] = []
-    while len(rounds) < max(o.rounds, 2):
-        tick(len(rounds) / o.rounds)
-        if len(groups := connected(state.used, total)) > 1:
+    while len(rounds) < max(options.rounds, 2):
+        tick(len(rounds) / options.rounds)
+        if len(groups := connected(state.inlier, total)) > 1:
             return Disconnected(tuple(groups))
-        state = adjust(observations, state, iterations=o.max_iterations, tolerance=_TOLERANCE)
+        state = adjust(observations, state, iterations=options.max_iterations, tolerance=_TOLERANCE)
         rounds.append(finish_iteration(rig, association, observations, state, total))
-        before = state.used
-        association, observations = discard(rounds[-1], o.outlier_factor)
-        state = drop_outliers(observations, state, o)
-        if len(rounds) > 1 and np.array_equal(before, state.used):
+        before = state.inlier
+        association, observations = discard(rounds[-1], options.outlier_factor)
+        state = drop_outliers(observations, state, options)
+        if len(rounds) > 1 and np.array_equal(before, state.inlier):
             break
     return tuple(rounds)
 
 
-def initial_state(o: Observations, rig: Rig, window: int) -> BundleState:
+def initial_state(obs: Observations, rig: Rig, window: int) -> BundleState:
     """Triangulate joints, with one velocity per window and no acceleration."""
-    state = bundle_initial_state(o, rig)
-    V = window_velocities(o, state.X, state.triangulated(), window)
+    state = bundle_initial_state(obs, rig)
+    V = window_velocities(obs, state.X, state.triangulated(), window)
     return replace(state, V=V, A=np.zeros_like(V))
 
 
 def window_velocities(
-    o: Observations, X: Float64Array, present: BoolArray, window: int
+    obs: Observations, X: Float64Array, present: BoolArray, window: int
 ) -> Float64Array:
     """Fit the velocity (N, J, 3), per second, of each joint in its window by least squares.
 
     Parameters
     ----------
-    o : Observations
+    obs : Observations
         Observations whose time bins are divided into windows, person by person.
     X : (N, J, 3) ndarray
     present : (N, J) ndarray of bool
@@ -110,12 +110,12 @@ def window_velocities(
     window : int
         Number of time bins of a window.
     """
-    group = np.stack([o.person, o.knot // window], -1)
+    group = np.stack([obs.person, obs.time_bin // window], -1)
     first = np.flatnonzero(np.any(np.diff(group, axis=0, prepend=-1) != 0, axis=-1))
     rows = np.repeat(np.arange(len(first)), np.diff([*first, len(group)]))
     m = present[..., None].astype(float)
     n = np.maximum(np.add.reduceat(m, first), 1.0)
-    t = o.step_s * o.knot[:, None, None].astype(float)
+    t = obs.step_s * obs.time_bin[:, None, None].astype(float)
     t = m * (t - (np.add.reduceat(m * t, first) / n)[rows])
     known = np.where(m > 0, X, 0.0)
     spread = np.add.reduceat(t**2, first)
@@ -129,20 +129,20 @@ def discard(done: Iteration, factor: float) -> tuple[Association, Observations]:
     A camera's part in a person is discarded, slot by slot, where its mean reprojection error is
     above `factor` times the median of all.
     """
-    o, association = done.observations, done.association
-    errors = errors_px(o, done.state)
+    obs, association = done.observations, done.association
+    errors = errors_px(obs, done.state)
     limit = factor * done.median_px
-    slot = association.slot(o.start_s + o.step_s * o.knot.astype(np.float64))
+    slot = association.slot(obs.start_s + obs.step_s * obs.time_bin.astype(np.float64))
     n_slots = association.person_of[0].shape[1]
-    unit = o.person * n_slots + slot
+    unit = obs.person * n_slots + slot
     bad = _mean_by(unit, errors, association.n_persons * n_slots) > limit
-    seen = o.seen & ~bad[unit][..., None]
+    seen = obs.observed & ~bad[unit][..., None]
     person_of = tuple(
         _without(persons, bad[:, c].reshape(-1, n_slots))
         for c, persons in enumerate(association.person_of)
     )
     verified = replace(association, person_of=person_of, typical_px=done.median_px)
-    return verified, replace(o, seen=seen)
+    return verified, replace(obs, observed=seen)
 
 
 def _mean_by(unit: IntArray, errors: Float32Array, n_units: int) -> Float64Array:

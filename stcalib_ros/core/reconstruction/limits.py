@@ -26,17 +26,6 @@ RIVAL_FIT_RATIO = 0.8
 camera is ambiguous and stays out. Chosen on simulated scenes of benchmarks.accuracy.level; not
 verified on real recordings."""
 
-DIFFERENT_ROTATION_RAD = 0.1
-"""Radians. Solutions further from each other are different ones, not two results of one
-optimization; ten times the error of a converged resection (0.01 rad on simulated scenes)."""
-
-DIFFERENT_POSITION = 0.3
-"""Units of the adjustment, which is about a metre after scaling by body size. As above, for the
-position of the camera."""
-
-DIFFERENT_OFFSET_FRAMES = 3.0
-"""Frames. As above, for the time offset: further than the range of convergence of a resection."""
-
 FIT_SCALE_PX = 12.0
 """Pixels. Scale of the Cauchy weight by which keypoints count as fitting; four times the noise of a
 usual detector (3 px), so that its errors and biases do not matter and other people do."""

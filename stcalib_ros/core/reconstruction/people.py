@@ -28,7 +28,7 @@ def found_persons(
     """
     obs, association = last.observations, last.association
     errors = errors_px(obs, last.state)
-    good = last.state.used & np.isfinite(errors)
+    good = last.state.inlier & np.isfinite(errors)
     found = []
     for person in np.unique(obs.person).tolist():
         rows = obs.person == person
@@ -93,14 +93,14 @@ def people_on_grid(
     obs = last.observations
     start = obs.start_s if start is None else start
     before = round((obs.start_s - start) / obs.step_s)
-    n = before + int(obs.knot.max()) + 1 if n is None else n
+    n = before + int(obs.time_bin.max()) + 1 if n is None else n
     parts = list(person_rows_of(obs))
     longest = sorted(range(len(parts)), key=lambda k: parts[k].start - parts[k].stop)
     kept = longest[:MAX_PEOPLE]
     paths, numbers = [], []
     for k, joints in enumerate(joint_paths(last)):
         if k in kept:
-            first = before + int(obs.knot[parts[k].start])
+            first = before + int(obs.time_bin[parts[k].start])
             path = np.full((n, *joints.shape[1:]), np.nan)
             path[first : first + len(joints)] = joints
             paths.append(path)
@@ -110,8 +110,8 @@ def people_on_grid(
 
 def joint_path(last: Iteration, rows: IntArray) -> Float64Array:
     """Return the joints (K, J, 3) of the rows of one person, uniform in time."""
-    bins = last.observations.knot[rows] - last.observations.knot[rows[0]]
-    known: BoolArray = last.state.used[rows].sum(1) >= 2
+    bins = last.observations.time_bin[rows] - last.observations.time_bin[rows[0]]
+    known: BoolArray = last.state.inlier[rows].sum(1) >= 2
     joints = np.full((int(bins[-1]) + 1, *last.state.X.shape[1:]), np.nan)
     joints[bins] = np.where(known[..., None], last.state.X[rows], np.nan)
     return joints

@@ -15,7 +15,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from stcalib_ros.core.bundle.iteration import Iteration
-from stcalib_ros.core.bundle.limits import NEAREST
+from stcalib_ros.core.bundle.limits import (
+    NEAREST,
+    OTHER_OFFSET_FRAMES,
+    OTHER_POSITION,
+    OTHER_ROTATION,
+)
 from stcalib_ros.core.bundle.parameters import ROTATION, TIME_OFFSET, TRANSLATION, ParameterLayout
 from stcalib_ros.core.geometry.so3 import exp_so3, hat, rotation_angle
 from stcalib_ros.core.integration.association import SLOT_SAMPLES
@@ -26,9 +31,6 @@ from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.reconstruction.limits import (
-    DIFFERENT_OFFSET_FRAMES,
-    DIFFERENT_POSITION,
-    DIFFERENT_ROTATION_RAD,
     FIT_SCALE_PX,
     MIN_FIT,
     MIN_LOOSE_COSINE,
@@ -79,11 +81,7 @@ class Resection:
         angle = float(rotation_angle(self.R_ref_cam.T @ other.R_ref_cam))
         distance = float(np.linalg.norm(self.t_ref_cam - other.t_ref_cam))
         frames = abs(self.offset_s - other.offset_s) / frame_s
-        return (
-            angle > DIFFERENT_ROTATION_RAD
-            or distance > DIFFERENT_POSITION
-            or frames > DIFFERENT_OFFSET_FRAMES
-        )
+        return angle > OTHER_ROTATION or distance > OTHER_POSITION or frames > OTHER_OFFSET_FRAMES
 
 
 def resect(
@@ -146,7 +144,7 @@ def _hypotheses(
     """Return candidates by bone directions, the people taken as one camera without errors."""
     step = last.observations.step_s
     first = last.observations.start_s
-    longest = max(float(last.observations.knot.max() * step), float(np.ptp(camera.stamps)))
+    longest = max(float(last.observations.time_bin.max() * step), float(np.ptp(camera.stamps)))
     start = min(first, float(camera.stamps[0]))
     end = max(first, float(camera.stamps[0])) + longest
     n = int((end - start) / step) + 2
@@ -214,7 +212,7 @@ class _Keypoints:
         when = (since - bins * obs.step_s)[:, None, None]
         V = state.V[row] + when * state.A[row]
         X = state.X[row] + when * (state.V[row] + 0.5 * when * state.A[row])
-        known = (state.used[row].sum(2) >= 2) & (row >= 0)[..., None]
+        known = (state.inlier[row].sum(2) >= 2) & (row >= 0)[..., None]
         Y = (np.where(known[..., None], X, np.nan) - at.t_ref_cam) @ at.R_ref_cam
         Y[Y[..., 2] < NEAREST] = np.nan
         r = (Y[..., :2] / Y[..., 2:] - self.x) * self.focal[..., None]
@@ -282,6 +280,7 @@ def _row_table(last: Iteration) -> IntArray:
     """Return the row (P, K) of every person in every time bin; -1 where there is none."""
     obs = last.observations
     _, person = np.unique(obs.person, return_inverse=True)
-    table: IntArray = np.full((int(person.max()) + 1, int(obs.knot.max()) + 1), -1, dtype=np.int64)
-    table[person.ravel(), obs.knot] = np.arange(len(obs.person))
+    shape = (int(person.max()) + 1, int(obs.time_bin.max()) + 1)
+    table: IntArray = np.full(shape, -1, dtype=np.int64)
+    table[person.ravel(), obs.time_bin] = np.arange(len(obs.person))
     return table

@@ -98,5 +98,5 @@ def _trajectory(
 ) -> PersonTrajectory:
     obs = last.observations
     joints = to_result(joint_path(last, rows))
-    times = obs.start_s + obs.step_s * (obs.knot[rows[0]] + np.arange(len(joints)))
+    times = obs.start_s + obs.step_s * (obs.time_bin[rows[0]] + np.arange(len(joints)))
     return PersonTrajectory(person_id, layout, times, joints)

@@ -19,7 +19,7 @@ _RATE_STEP = 0.1
 """Periods over the whole span from one rate to the next. Numerical: a tenth of a cycle."""
 
 _PHASES = 8
-"""Count. Phases to start from. Numerical."""
+"""Count. Phases of the period that the search starts from; more find no better one. Numerical."""
 
 _PASSES = 10
 """Count. Fits of a line, each with the images numbered anew, at most. Numerical."""

@@ -49,7 +49,9 @@ _ACCELERATION = 10.0
 only bridges gaps. Chosen."""
 
 
-def with_splines(cameras: Sequence[LiftedCamera], last: Iteration, b: BundleOptions) -> Iteration:
+def with_splines(
+    cameras: Sequence[LiftedCamera], last: Iteration, options: BundleOptions
+) -> Iteration:
     """A round whose cameras suit smooth trajectories best; joints are those of the splines.
 
     The same where every camera has an image at nearly every knot, where people move faster than
@@ -60,58 +62,61 @@ def with_splines(cameras: Sequence[LiftedCamera], last: Iteration, b: BundleOpti
     cameras : sequence of LiftedCamera
     last : Iteration
         At its optimum.
-    b : BundleOptions
+    options : BundleOptions
     """
-    o, state = last.observations, last.state
+    obs, state = last.observations, last.state
     if _evenness([cameras[c] for c in last.rig.cameras], last) >= MIN_OCCUPANCY:
         return last
-    sigma = noise_px(o, state)
-    spacing = max(_LEAST_SPACING, _SPACING_S / o.step_s)
+    sigma = noise_px(obs, state)
+    spacing = max(_LEAST_SPACING, _SPACING_S / obs.step_s)
     found = solve(
-        trajectories(o, state, sigma, b, spacing),
+        trajectories(obs, state, sigma, options, spacing),
         Cameras(state.R_cam_ref, state.t_cam_ref, state.shift_s),
-        step_s=spacing * o.step_s,
+        step_s=spacing * obs.step_s,
         sigma=sigma,
         synchronised=state.synchronised,
     )
-    if found is None or noise(*found, step_s=spacing * o.step_s) > MAX_SPLINE_NOISE * sigma:
+    if found is None or noise(*found, step_s=spacing * obs.step_s) > MAX_SPLINE_NOISE * sigma:
         return last
-    return last.with_state(o, _state_of(o, state, *found, spacing))
+    return last.with_state(obs, _state_of(obs, state, *found, spacing))
 
 
 def _evenness(members: Sequence[LiftedCamera], last: Iteration) -> float:
     """Smallest fraction of its time bins in which a camera has an image."""
-    o = last.observations
+    obs = last.observations
     occupied = []
     for camera, offset in zip(members, last.rig.offset_s, strict=True):
-        knots = nearest_knots((camera.stamps + offset - o.start_s) / o.step_s)
+        knots = nearest_knots((camera.stamps + offset - obs.start_s) / obs.step_s)
         occupied.append(len(np.unique(knots)) / (1 + int(knots[-1] - knots[0])))
     return min(occupied)
 
 
 def trajectories(
-    o: Observations, state: BundleState, sigma: float, b: BundleOptions, spacing: float
+    obs: Observations, state: BundleState, sigma: float, options: BundleOptions, spacing: float
 ) -> tuple[Trajectories, ...]:
-    """Splines through the joints of a state, and the image points that fit them.
+    (
+        """Splines through the joints of a state, and the image points that fit them.
 
     Parameters
     ----------
-    o : Observations
+    obs : Observations
     state : BundleState
     sigma : float
         Noise of the image points, px.
-    b : BundleOptions
+    options : BundleOptions
         Says what does not fit.
     spacing : float
         Knots between coefficients.
     """
-    x, step_s = _at_times_of_images(o, state), spacing * o.step_s
+        ""
+    )
+    x, step_s = _at_times_of_images(obs, state), spacing * obs.step_s
     cameras = Cameras(state.R_cam_ref, state.t_cam_ref, state.shift_s)
-    limit = outlier_limit_px(errors_px(o, state), state.used, b)
-    known, late = state.triangulated(), _image_delays(o, state)
+    limit = outlier_limit_px(errors_px(obs, state), state.inlier, options)
+    known, late = state.triangulated(), _image_delays(obs, state)
     out = []
-    for rows in person_rows_of(o):
-        at = _positions(o, rows, spacing)
+    for rows in person_rows_of(obs):
+        at = _positions(obs, rows, spacing)
         determined = known[rows]
         if not determined.any():
             out.append(_of_nobody(len(cameras.t), at, determined.shape[1]))
@@ -121,16 +126,16 @@ def trajectories(
         square = np.maximum(square, 1e-3 * square.max() + 1e-30)
         precision = (sigma / (_ACCELERATION * step_s**2)) ** 2 / square
         depth = np.linalg.norm(state.X[rows], axis=-1)[determined]
-        gain = float(np.median(o.focal[rows][o.seen[rows]]) / np.median(depth))
+        gain = float(np.median(obs.focal[rows][obs.observed[rows]]) / np.median(depth))
         coefficients = _through(
             at, state.X[rows], gain**2 * determined.astype(np.float64), precision
         )
         sights = []
         for c in range(len(cameras.t)):
-            there = np.flatnonzero(o.track[rows, c] >= 0)
+            there = np.flatnonzero(obs.track[rows, c] >= 0)
             position = at[there] + late[rows][there, c] / step_s
-            seen = o.seen[rows][there, c]
-            sight = Sight(position, x[rows][there, c], o.focal[rows][there, c] * seen)
+            seen = obs.observed[rows][there, c]
+            sight = Sight(position, x[rows][there, c], obs.focal[rows][there, c] * seen)
             away_px = spline_solver.errors_px(sight, cameras.only(c), coefficients, step_s)
             inside = (away_px < limit) & determined[there]
             sights.append(replace(sight, focal=sight.focal * inside))
@@ -149,9 +154,9 @@ def _n_coefficients(position: Float64Array) -> int:
     return int(position[-1]) + splines.SUPPORT + MARGIN
 
 
-def _positions(o: Observations, rows: slice, spacing: float) -> Float64Array:
+def _positions(obs: Observations, rows: slice, spacing: float) -> Float64Array:
     """The knots of one person's rows, in coefficients."""
-    return np.asarray((o.knot[rows] - o.knot[rows][0]) / spacing + MARGIN)
+    return np.asarray((obs.time_bin[rows] - obs.time_bin[rows][0]) / spacing + MARGIN)
 
 
 def _image_delays(obs: Observations, state: BundleState) -> Float64Array:
@@ -184,7 +189,7 @@ def _through(
 
 
 def _state_of(
-    o: Observations,
+    obs: Observations,
     state: BundleState,
     cameras: Cameras,
     people: Sequence[Trajectories],
@@ -192,10 +197,10 @@ def _state_of(
 ) -> BundleState:
     """The state at cameras and splines: joints and their motion at the knots."""
     X, V, A = (np.empty_like(state.X) for _ in range(3))
-    for rows, one in zip(person_rows_of(o), people, strict=True):
-        at = _positions(o, rows, spacing)
+    for rows, one in zip(person_rows_of(obs), people, strict=True):
+        at = _positions(obs, rows, spacing)
         for n, values in enumerate((X, V, A)):
-            values[rows] = splines.values(at, one.coefficients, n) / (spacing * o.step_s) ** n
+            values[rows] = splines.values(at, one.coefficients, n) / (spacing * obs.step_s) ** n
     return replace(
         state, R_cam_ref=cameras.R, t_cam_ref=cameras.t, shift_s=cameras.shift, X=X, V=V, A=A
     )

@@ -40,7 +40,7 @@ _LEAST_STDDEV_S = 1e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Images:
+class _TimedImages:
     """The images of C cameras at K knots, and the rows (N,) that they are in.
 
     Attributes
@@ -128,20 +128,20 @@ def with_timestamp_errors(
     return replace(timed, timestamp_errors=_errors(images, correction, found.variance))
 
 
-def _images_of(members: Sequence[LiftedCamera], last: Iteration) -> _Images:
-    o = last.observations
-    knots, knot = np.unique(o.knot, return_inverse=True)
-    seen = o.track >= 0
+def _images_of(members: Sequence[LiftedCamera], last: Iteration) -> _TimedImages:
+    obs = last.observations
+    knots, knot = np.unique(obs.time_bin, return_inverse=True)
+    seen = obs.track >= 0
     before = last.rig.offset_s - last.state.shift_s
-    when = o.start_s + o.knot[:, None] * o.step_s + o.phi - before
+    when = obs.start_s + obs.time_bin[:, None] * obs.step_s + obs.phi - before
     stamp = np.stack([_nearest(m.stamps, t) for m, t in zip(members, when.T, strict=True)], 1)
     at_knot = np.full((len(knots), len(members)), -1, dtype=np.int64)
     for c in range(len(members)):
         rows = np.flatnonzero(seen[:, c])
-        order = rows[np.argsort(-np.abs(o.phi[rows, c]), kind="stable")]
+        order = rows[np.argsort(-np.abs(obs.phi[rows, c]), kind="stable")]
         at_knot[knot[order], c] = stamp[order, c]
     own = seen & (stamp == at_knot[knot])
-    return _Images(np.asarray(o.start_s + knots * o.step_s), knot, own, stamp, at_knot)
+    return _TimedImages(np.asarray(obs.start_s + knots * obs.step_s), knot, own, stamp, at_knot)
 
 
 def _nearest(stamps: Float64Array, times: Float64Array) -> IntArray:
@@ -151,9 +151,9 @@ def _nearest(stamps: Float64Array, times: Float64Array) -> IntArray:
     return np.asarray(after - nearer, dtype=np.int64)
 
 
-def _sums(images: _Images, last: Iteration) -> tuple[Float64Array, Float64Array]:
-    used = last.state.used & images.own[:, :, None]
-    state = replace(last.state, used=used)
+def _sums(images: _TimedImages, last: Iteration) -> tuple[Float64Array, Float64Array]:
+    used = last.state.inlier & images.own[:, :, None]
+    state = replace(last.state, inlier=used)
     return time_sums(last.observations, state, images.knot)
 
 
@@ -187,7 +187,7 @@ def _posterior(
 
 
 def _even(
-    members: Sequence[LiftedCamera], images: _Images, correction_s: Float64Array
+    members: Sequence[LiftedCamera], images: _TimedImages, correction_s: Float64Array
 ) -> list[Float64Array]:
     """Corrections of all stamps towards even times, of cameras whose images agree; else zero."""
     out = []
@@ -200,7 +200,7 @@ def _even(
     return out
 
 
-def _without_trend(images: _Images, correction_s: Float64Array) -> Float64Array:
+def _without_trend(images: _TimedImages, correction_s: Float64Array) -> Float64Array:
     """Corrections (K, C) less the line through those of each camera."""
     out = np.zeros_like(correction_s)
     since = images.time_s - images.time_s.mean()
@@ -213,7 +213,7 @@ def _without_trend(images: _Images, correction_s: Float64Array) -> Float64Array:
 
 
 def _by_row(
-    images: _Images, correction_s: Float64Array, even: Sequence[Float64Array]
+    images: _TimedImages, correction_s: Float64Array, even: Sequence[Float64Array]
 ) -> Float64Array:
     """Corrections (N, C) of the images in the rows."""
     other = np.stack([e[at] for e, at in zip(even, images.stamp.T, strict=True)], 1)
@@ -225,7 +225,9 @@ def _corrected(obs: Observations, correction_s: Float64Array) -> Observations:
     return replace(obs, phi=obs.phi + np.where(obs.track >= 0, correction_s, 0.0))
 
 
-def _errors(images: _Images, correction_s: Float64Array, variance: Float64Array) -> TimestampErrors:
+def _errors(
+    images: _TimedImages, correction_s: Float64Array, variance: Float64Array
+) -> TimestampErrors:
     there = images.at_knot >= 0
     n = there.sum(0)
     square = ((correction_s**2 + variance) * there).sum(0) / n

@@ -158,11 +158,36 @@ def true_calibration(
     line_times_s: Sequence[float] = (),
 ) -> Calibration:
     """Return the true calibration in the frame and clock of the first camera, metres."""
+    epoch_s = epoch_ns * 1e-9
+    n_observations = sum(s.n_keypoints for s in seen)
+    squares = sum(s.noise_square_px2 for s in seen)
+    return Calibration(
+        status=Status.OK,
+        message="true values of a simulated scene",
+        reference=rig.names[0],
+        metric=True,
+        epoch_s=epoch_s,
+        window_s=(
+            epoch_s + min(clock.exposures_s[0] for clock in clocks),
+            epoch_s + max(clock.exposures_s[-1] for clock in clocks),
+        ),
+        cameras=_true_cameras(rig, clocks, line_times_s or (0.0,) * len(rig.names)),
+        uncalibrated=(),
+        persons=_associations(seen),
+        pairs=(),
+        reprojection_rms_px=float(np.sqrt(squares / max(1, n_observations))),
+        n_observations=n_observations,
+        n_inliers=n_observations,
+    )
+
+
+def _true_cameras(
+    rig: SceneRig, clocks: Sequence[Clock], lines: Sequence[float]
+) -> tuple[CameraCalibration, ...]:
     R_ref_cam = rig.R_cam_world[0] @ rig.R_cam_world.swapaxes(1, 2)
     t_ref_cam = rig.centres_world @ rig.R_cam_world[0].T + rig.t_cam_world[0]
     R_ref_cam[0], t_ref_cam[0] = np.eye(3), 0.0
-    lines = line_times_s or (0.0,) * len(rig.names)
-    cameras = tuple(
+    return tuple(
         CameraCalibration(
             name=name,
             frame_id=f"{name}_optical_frame",
@@ -177,27 +202,6 @@ def true_calibration(
             line_time_s=line_s,
         )
         for (c, name), line_s in zip(enumerate(rig.names), lines, strict=True)
-    )
-    epoch_s = epoch_ns * 1e-9
-    n_observations = sum(s.n_keypoints for s in seen)
-    squares = sum(s.noise_square_px2 for s in seen)
-    return Calibration(
-        status=Status.OK,
-        message="true values of a simulated scene",
-        reference=rig.names[0],
-        metric=True,
-        epoch_s=epoch_s,
-        window_s=(
-            epoch_s + min(clock.exposures_s[0] for clock in clocks),
-            epoch_s + max(clock.exposures_s[-1] for clock in clocks),
-        ),
-        cameras=cameras,
-        uncalibrated=(),
-        persons=_associations(seen),
-        pairs=(),
-        reprojection_rms_px=float(np.sqrt(squares / max(1, n_observations))),
-        n_observations=n_observations,
-        n_inliers=n_observations,
     )
 
 

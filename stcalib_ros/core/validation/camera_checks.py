@@ -212,10 +212,10 @@ def check_cameras(
         Other time offsets are tried within plus and minus this.
     """
     frame_s = last.observations.step_s
-    inliers, observed = last.state.used.sum((0, 2)), last.observations.seen.sum((0, 2))
+    inliers, observed = last.state.inlier.sum((0, 2)), last.observations.observed.sum((0, 2))
     inlier_fraction = inliers / np.maximum(observed, 1)
     offsets = _offset_checks(last, inlier_fraction, offset_range_s)
-    shared_s = last.state.used.any(2).sum(0) * frame_s
+    shared_s = last.state.inlier.any(2).sum(0) * frame_s
     total = image_points([cameras[c] for c in last.rig.cameras])
     reach = usual_distances(last)
     rotation = bone_rotations(cameras, skeleton, last)

@@ -76,7 +76,7 @@ def _advice(
 
 def shared_s(last: Iteration) -> Float64Array:
     """Time (C, C) for which two cameras see somebody together, summed over persons, seconds."""
-    seen = last.state.used.any(2).astype(float)
+    seen = last.state.inlier.any(2).astype(float)
     return np.asarray(seen.T @ seen * last.observations.step_s)
 
 
@@ -91,7 +91,7 @@ def unobservable_clock_skews(last: Iteration) -> tuple[Remark, ...]:
     if not len(stddev):
         return ()
     obs = last.observations
-    length_s = float(np.ptp(obs.knot)) * obs.step_s
+    length_s = float(np.ptp(obs.time_bin)) * obs.step_s
     values, worst = {"length_s": length_s}, float(stddev.max())
     if np.isfinite(worst):
         values |= {

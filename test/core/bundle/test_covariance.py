@@ -40,7 +40,7 @@ def difference(state, truth):
 
 def noisy(p, rng, sigma_px):
     noise = sigma_px * rng.normal(size=p.o.x.shape) / p.o.focal[..., None]
-    return replace(p.o, x=np.where(p.o.seen[..., None], p.o.x + noise, 0))
+    return replace(p.o, x=np.where(p.o.observed[..., None], p.o.x + noise, 0))
 
 
 def experiments(n, *, cameras, sigma_px=2.0):
@@ -167,7 +167,7 @@ def with_two_at_one_place(rng):
     R[1], t[1] = exp_so3(np.array([0.1, -0.2, 0.05])), 0.0
     truth = replace(p.truth, R_cam_ref=R, t_cam_ref=t)
     Z = camera_points(p.o, truth)
-    x = np.where(p.o.seen[..., None], Z[..., :2] / Z[..., 2:], 0.0)
+    x = np.where(p.o.observed[..., None], Z[..., :2] / Z[..., 2:], 0.0)
     return noisy(replace(p, o=replace(p.o, x=x)), rng, 1.0), truth
 
 

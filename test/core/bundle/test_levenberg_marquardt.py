@@ -36,7 +36,7 @@ def jacobian(function, n, h=1e-6):
 
 
 def scale_of(p, state):
-    return CAUCHY * max(robust_scale(errors_px(p.o, state), state.used), 0.5)
+    return CAUCHY * max(robust_scale(errors_px(p.o, state), state.inlier), 0.5)
 
 
 def start_of(p, rng, size=0.01):
@@ -50,19 +50,19 @@ def test_residuals_are_those_written_out_point_by_point(rng):
     p = problem(rng)
     state = start_of(p, rng)
     r, used = residuals_px(p.o, state)
-    np.testing.assert_array_equal(used, state.used)
+    np.testing.assert_array_equal(used, state.inlier)
     np.testing.assert_allclose(r[used], residuals(p, state), rtol=1e-9, atol=1e-9)
 
 
 def test_without_noise_the_truth_has_no_residual(rng):
     p = problem(rng, sigma_px=0)
-    np.testing.assert_allclose(residuals_px(p.o, p.truth)[0][p.o.seen], 0, atol=1e-9)
+    np.testing.assert_allclose(residuals_px(p.o, p.truth)[0][p.o.observed], 0, atol=1e-9)
 
 
 def test_errors_of_what_was_not_seen_are_unknown(rng):
     p = problem(rng, missing=0.5)
     errors = errors_px(p.o, p.truth)
-    np.testing.assert_array_equal(np.isfinite(errors), p.o.seen)
+    np.testing.assert_array_equal(np.isfinite(errors), p.o.observed)
 
 
 def test_a_point_behind_a_camera_takes_no_part(rng):
@@ -126,7 +126,7 @@ def test_the_clusters_add_up_to_the_gradient(rng):
     state = start_of(p, rng)
     system, scores = cluster_scores(p.o, state, every_point(p))
     np.testing.assert_allclose(scores.sum(1), system.g, rtol=1e-9)
-    np.testing.assert_array_equal(scores.any(0), (p.o.seen.sum(1) >= 2).ravel())
+    np.testing.assert_array_equal(scores.any(0), (p.o.observed.sum(1) >= 2).ravel())
     coarse = every_point(p) % 4
     np.testing.assert_allclose(
         cluster_scores(p.o, state, coarse)[1],
@@ -175,8 +175,8 @@ def test_the_gradient_is_that_of_the_robust_cost_where_points_are_optimal(rng):
 
 def test_points_of_which_nothing_is_used_change_no_sums(rng, monkeypatch):
     p = problem(rng, people=2, missing=0)
-    used = p.truth.used & (p.o.person == 1)[:, None, None]
-    state = replace(p.truth, used=used)
+    used = p.truth.inlier & (p.o.person == 1)[:, None, None]
+    state = replace(p.truth, inlier=used)
     monkeypatch.setattr(blocks, "_BLOCK", 1)
     group = np.zeros(len(p.o.person), dtype=int)
     rows = p.o.person == 1
@@ -209,7 +209,7 @@ def test_the_step_solves_the_system_with_reference_and_spread_fixed(rng):
 def scipy_optimum(p, start, scale):
     """SciPy's dense optimum with the reference and the spread of the cameras fixed."""
     C, shape = len(start.t_cam_ref), start.X.shape
-    moved, k = start.used.any(1), 7 * C - 7
+    moved, k = start.inlier.any(1), 7 * C - 7
 
     def unpack(v):
         camera, point = np.zeros((C, 7)), np.zeros(shape)
@@ -240,7 +240,7 @@ def test_the_optimum_is_that_of_scipy(rng):
     assert rotation_angle(relative).max() < 1e-5
     np.testing.assert_allclose(ours.t_cam_ref, scipys.t_cam_ref, atol=2e-5)
     np.testing.assert_allclose(ours.shift_s, scipys.shift_s, atol=5e-6)
-    used = start.used.any(1)
+    used = start.inlier.any(1)
     np.testing.assert_allclose(ours.X[used], scipys.X[used], atol=1e-4)
 
 
@@ -269,7 +269,7 @@ def test_without_noise_poses_and_offsets_are_exact(rng, cameras):
 
 
 def cost(p, state, scale):
-    return (robust(residuals_px(p.o, state)[0][state.used], scale) ** 2).sum()
+    return (robust(residuals_px(p.o, state)[0][state.inlier], scale) ** 2).sum()
 
 
 def test_an_adjustment_never_makes_it_worse(rng):
@@ -307,8 +307,8 @@ def rig_of(state):
 def test_the_start_triangulates_what_two_cameras_see(rng):
     p = problem(rng, sigma_px=0, offset_s=0, knots=20, missing=0.3)
     state = initial_state(p.o, rig_of(p.truth))
-    used = state.used.any(1)
-    np.testing.assert_array_equal(used, p.o.seen.sum(1) >= 2)
+    used = state.inlier.any(1)
+    np.testing.assert_array_equal(used, p.o.observed.sum(1) >= 2)
     # Images lie up to half a step from their knot: the motion in between is allowed for.
     away = np.linalg.norm(state.X - p.truth.X, axis=-1)[used]
     assert np.median(away) < 5e-3
@@ -321,9 +321,9 @@ def test_without_motion_the_start_is_exact(rng):
     still = replace(p.o, phi=np.zeros_like(p.o.phi))
     X = p.truth.X
     Y = np.einsum("cij,npj->ncpi", p.truth.R_cam_ref, X) + p.truth.t_cam_ref[:, None]
-    still = replace(still, x=np.where(p.o.seen[..., None], Y[..., :2] / Y[..., 2:], 0))
+    still = replace(still, x=np.where(p.o.observed[..., None], Y[..., :2] / Y[..., 2:], 0))
     state = initial_state(still, rig_of(p.truth))
-    used = state.used.any(1)
+    used = state.inlier.any(1)
     np.testing.assert_allclose(state.X[used], X[used], atol=1e-8)
 
 
@@ -337,7 +337,7 @@ def test_motion_is_per_second_and_by_person(rng):
 def test_motion_knows_of_missing_knots(rng):
     p = problem(rng, people=2, knots=12)
     rows = np.sort(rng.permutation(24)[:18])
-    o = replace(p.o, person=p.o.person[rows], knot=p.o.knot[rows])
+    o = replace(p.o, person=p.o.person[rows], time_bin=p.o.time_bin[rows])
     V, _ = estimate_motion(o, p.truth.X[rows], np.ones((18, 3), dtype=bool))
     np.testing.assert_allclose(V, p.truth.V[rows], atol=0.1)
 

@@ -50,7 +50,7 @@ def seen_with(p, factors):
     """The observations and the state of a problem whose cameras have other focal lengths."""
     truth = replace(p.truth, further={FOCAL_FACTOR: factors})
     Z = camera_points(p.o, truth)
-    x = np.where(p.o.seen[..., None], Z[..., :2] / Z[..., 2:], 0.0)
+    x = np.where(p.o.observed[..., None], Z[..., :2] / Z[..., 2:], 0.0)
     return replace(p.o, x=x), truth
 
 
@@ -60,7 +60,7 @@ def test_one_more_unknown_is_estimated_and_has_a_covariance():
     p = problem(rng, people=6, knots=30, joints=8, sigma_px=0.0, offset_s=0.0)
     o, truth = seen_with(p, factors)
     noise = rng.normal(size=o.x.shape) / o.focal[..., None]
-    o = replace(o, x=np.where(o.seen[..., None], o.x + noise, 0.0))
+    o = replace(o, x=np.where(o.observed[..., None], o.x + noise, 0.0))
     layout = truth.layout.with_unknown(FOCAL_FACTOR, EVERY)
     start = disturbed(rng, replace(truth, further={}), 0.003)
     end = adjust(o, start, iterations=100, tolerance=1e-4, layout=layout)

@@ -80,9 +80,9 @@ def test_the_unit_is_that_of_the_calibration(scene: Scene) -> None:
 
 
 def test_each_person_has_rows_of_their_own(stages: Stages) -> None:
-    rows = person_rows(stages.lifted, stages.rounds[-1])
+    rows = person_rows(stages.lifted, stages.iterations[-1])
     assert not set(rows[0]) & set(rows[1])
-    persons = stages.rounds[-1].observations.person
+    persons = stages.iterations[-1].observations.person
     assert all(len(set(persons[r])) == 1 for r in rows)
 
 

@@ -39,14 +39,14 @@ def found(scene):
 def test_the_normal_equations_are_those_of_central_differences(rng):
     """Of the cost that is left when the points have followed, written out densely."""
     p = problem(rng, sigma_px=0.5, missing=0.1)
-    N, C, J = p.o.seen.shape
+    N, C, J = p.o.observed.shape
     o = replace(p.o, row=rng.uniform(-400, 400, (N, C, J)), line_s=np.zeros(C))
     scale, every = 1e6, np.ones(C, dtype=bool)
     layout = ParameterLayout(C).with_unknown(LINE_DELAY, every)
 
     def residual(state, line_s):
         moved = replace(o, line_s=line_s)
-        block = Block(moved, state.used, state.V, state.A, slice(0, N))
+        block = Block(moved, state.inlier, state.V, state.A, slice(0, N))
         at = block.at(state.cameras, state.X.reshape(-1, 3)[block.points], layout)
         return at, (at.r * block.mask[:, None]).ravel()
 

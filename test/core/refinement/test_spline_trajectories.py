@@ -128,7 +128,7 @@ def test_clocks_that_run_away_are_no_solution(rng):
 
 
 def test_where_every_camera_has_an_image_at_every_knot_nothing_changes(small_stages):
-    last = small_stages.rounds[-1]
+    last = small_stages.iterations[-1]
     assert with_splines(small_stages.lifted, last, BundleOptions()) is last
 
 
@@ -150,17 +150,17 @@ def test_cameras_of_several_rates_gain():
 def test_who_is_seen_by_some_cameras_or_by_none_is_no_obstacle():
     s = simulate(replace(MIXED, seed=1))
     stages = run_stages(s.recording)
-    last = stages.rounds[-1]
-    o, used, track = last.observations, last.state.used.copy(), last.observations.track.copy()
-    seen = o.seen.copy()
+    last = stages.iterations[-1]
+    o, used, track = last.observations, last.state.inlier.copy(), last.observations.track.copy()
+    seen = o.observed.copy()
     first, second = (np.flatnonzero(o.person == p) for p in np.unique(o.person)[:2])
     used[first] = False
     for array in (used, seen):
         array[second, 1] = False
     track[second, 1] = -1
     used[second] &= (used[second].sum(1) >= 2)[:, None]
-    state = replace(last.state, used=used)
-    changed = replace(last, observations=replace(o, seen=seen, track=track), state=state)
+    state = replace(last.state, inlier=used)
+    changed = replace(last, observations=replace(o, observed=seen, track=track), state=state)
     found = with_splines(stages.lifted, changed, BundleOptions())
     assert found is not changed
     assert np.isfinite(found.state.X).all()

@@ -30,13 +30,13 @@ def shaky():
 
 def corrections_and_truth(scene, stages):
     """What was added to the stamps of images, and what should have been; per camera."""
-    last = stages.rounds[-1]
+    last = stages.iterations[-1]
     o = last.observations
     out = []
     for i, c in enumerate(last.rig.cameras):
         rows = np.flatnonzero(o.track[:, i] >= 0)
         offset = last.rig.offset_s[i] - last.state.shift_s[i]
-        when = o.start_s + o.knot[rows] * o.step_s + o.phi[rows, i] - offset
+        when = o.start_s + o.time_bin[rows] * o.step_s + o.phi[rows, i] - offset
         stamps = scene.recording.cameras[c].stamps
         frame = np.abs(stamps - when[:, None]).argmin(1)
         off = scene.exposures_s[c] - stamps
@@ -64,15 +64,15 @@ def test_without_even_times_they_are_told_by_what_images_show(shaky):
 
 def test_their_size_is_told(shaky):
     _, stages = shaky
-    found = stages.rounds[-1].timestamp_errors
+    found = stages.iterations[-1].timestamp_errors
     np.testing.assert_allclose(found.stddev_s, JITTER_S, rtol=0.2)
-    n = stages.rounds[-1].observations.knot.max() + 1
+    n = stages.iterations[-1].observations.time_bin.max() + 1
     assert (found.offset_variance > 0.5 * JITTER_S**2 / n).all()
 
 
 def test_offsets_are_no_better_known_than_the_mean_of_the_stamps(shaky):
     scene, stages = shaky
-    last, found = stages.rounds[-1], stages.calibration
+    last, found = stages.iterations[-1], stages.calibration
     layout = last.state.layout
     added = np.diag(added_covariance(last.timestamp_errors, layout))
     least = np.sqrt(added[layout.scalars(TIME_OFFSET)[1:]])
@@ -83,15 +83,15 @@ def test_offsets_are_no_better_known_than_the_mean_of_the_stamps(shaky):
 
 
 def test_without_errors_nothing_changes(small_stages):
-    last = small_stages.rounds[-1]
+    last = small_stages.iterations[-1]
     assert last.timestamp_errors is None
     assert with_timestamp_errors(small_stages.lifted, last, BundleOptions()) is last
     assert not added_covariance(last.timestamp_errors, last.state.layout).any()
 
 
 def test_sums_over_all_images_are_those_of_the_offsets(small_stages):
-    last = small_stages.rounds[-1]
-    group = np.zeros(len(last.observations.knot), dtype=np.int64)
+    last = small_stages.iterations[-1]
+    group = np.zeros(len(last.observations.time_bin), dtype=np.int64)
     H, g = time_sums(last.observations, last.state, group)
     sigma = noise_px(last.observations, last.state)
     problem = PointProblem(last.observations, last.state, CAUCHY * sigma)

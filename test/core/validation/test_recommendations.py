@@ -23,7 +23,7 @@ NAMES = ["cam0", "cam1", "cam2"]
 
 @pytest.fixture(scope="module")
 def last(small_stages):
-    return small_stages.rounds[-1]
+    return small_stages.iterations[-1]
 
 
 def said(last, **changes):
@@ -102,7 +102,7 @@ def rates(last, ppm, skew=0.0):
 
 
 def test_why_clock_skews_are_not_estimated_is_said_with_the_number(last):
-    length_s = np.ptp(last.observations.knot) * last.observations.step_s
+    length_s = np.ptp(last.observations.time_bin) * last.observations.step_s
     (remark,) = unobservable_clock_skews(rates(last, (40.0, 80.0)))
     assert remark.code is RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE
     assert remark.values == pytest.approx(

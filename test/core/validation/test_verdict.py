@@ -26,12 +26,12 @@ from stcalib_ros.core.validation.verdict import (
 
 @pytest.fixture(scope="module")
 def solution(small_stages):
-    last = small_stages.rounds[-1]
+    last = small_stages.iterations[-1]
     covariance = pose_covariance(last.observations, last.state)
     views = small_stages.lifted, small_stages.skeleton
     found = check_cameras(*views, last, covariance, offset_range_s=0.5)
     names = tuple(camera.name for camera in small_stages.lifted)
-    return Solution(small_stages.rounds, covariance, found, Exclusions(names, 0.5), unsettled=0)
+    return Solution(small_stages.iterations, covariance, found, Exclusions(names, 0.5), unsettled=0)
 
 
 @pytest.fixture

@@ -15,10 +15,11 @@ from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.keypoint_layouts import TRUNK_JOINTS, Layout
 
 DEGREES = (1, 2, 3)
-"""Of the spherical harmonics."""
+"""Degrees of the spherical harmonics of the viewing direction. Three: a bias that differs between
+front, sides and back; higher ones are not observable in clips of seconds."""
 
 DEGREE_OF = np.array([d for d in DEGREES for _ in range(2 * d + 1)])
-"""Degree (B,) of every harmonic."""
+"""Degree (B,) of every harmonic: 2 d + 1 harmonics of each degree d."""
 
 
 def harmonics(u: Float64Array, degrees: Sequence[int] = DEGREES) -> Float64Array:

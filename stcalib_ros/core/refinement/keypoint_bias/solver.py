@@ -118,21 +118,21 @@ class EliminatedBiases:
         return EliminatedUnknown(conditional, -conditional @ self.mixed[person, joint])
 
 
-def parts_of(o: Observations, s: BundleState, trunk: tuple[int, ...]) -> Iterator[Part]:
+def parts_of(obs: Observations, s: BundleState, trunk: tuple[int, ...]) -> Iterator[Part]:
     """All keypoints, a few rows of one person at a time."""
     centres = -np.einsum("cji,cj->ci", s.R_cam_ref, s.t_cam_ref)
-    for person, rows in enumerate(person_rows_of(o)):
+    for person, rows in enumerate(person_rows_of(obs)):
         for begin in range(rows.start, rows.stop, _CHUNK):
             part = slice(begin, min(begin + _CHUNK, rows.stop))
             R, direction = body_frames(s.X[part], trunk, centres)
             yield Part(
                 person,
                 part,
-                o.x[part].transpose(1, 3, 2, 0).copy(),
-                (o.focal[part] * s.used[part]).transpose(1, 2, 0).copy(),
-                o.elapsed(part).transpose(1, 2, 0).copy(),
-                o.since_middle(part),
-                None if o.row is None else o.row[part].transpose(1, 2, 0).copy(),
+                obs.x[part].transpose(1, 3, 2, 0).copy(),
+                (obs.focal[part] * s.inlier[part]).transpose(1, 2, 0).copy(),
+                obs.elapsed(part).transpose(1, 2, 0).copy(),
+                obs.since_middle(part),
+                None if obs.row is None else obs.row[part].transpose(1, 2, 0).copy(),
                 s.V[part].transpose(2, 1, 0).copy(),
                 s.A[part].transpose(2, 1, 0).copy(),
                 R,

@@ -147,10 +147,10 @@ def refine_keypoint_bias(
 def _thinned(last: Iteration) -> tuple[Observations, BundleState]:
     """Every n-th row, so that about as many keypoints are left as determine the biases."""
     obs, state = last.observations, last.state
-    every = max(1, round(int(state.used.sum()) / _KEYPOINTS))
+    every = max(1, round(int(state.inlier.sum()) / _KEYPOINTS))
     rows: IntArray = np.arange(0, len(obs.person), every)
     thin = state.only(rows)
-    return obs.only(rows), thin.with_inliers(thin.used)
+    return obs.only(rows), thin.with_inliers(thin.inlier)
 
 
 def _adjusted(
@@ -188,4 +188,4 @@ def _corrected(last: Iteration, fit: BiasFit, trunk: tuple[int, ...]) -> Observa
             depth, shifted_depth = np.where(ahead, (Y[2], shifted[2]), np.inf)
             moved = shifted[:2] / shifted_depth - Y[:2] / depth
             x[part.rows, c] -= moved.transpose(2, 1, 0)
-    return replace(obs, x=np.where(obs.seen[..., None], x, obs.x))
+    return replace(obs, x=np.where(obs.observed[..., None], x, obs.x))

@@ -16,7 +16,7 @@ from stcalib_ros.core.synthetic import simulate
 
 def at_start(stages):
     """The problem of the last round of STBA, and its system without biases."""
-    last = stages.rounds[2]
+    last = stages.iterations[2]
     problem = Problem(last.observations, last.state, trunk_of(stages.skeleton.layout))
     fit = problem.start()
     return fit, problem.eliminate(fit)
