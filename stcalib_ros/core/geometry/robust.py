@@ -21,10 +21,9 @@ RMS_OVER_MEDIAN = 1.48
 Derived: ``1 / Phi^-1(3/4)`` = 1.4826, in two decimals."""
 
 NOISE_MARGIN = 1.5
-"""Ratio to the robust standard deviation. Scale of the Cauchy loss on epipolar distances: they
-are no sample of one Gaussian, so that the loss is less strict than with `CAUCHY` on reprojection
-errors would be. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real
-recordings."""
+"""Ratio to the robust standard deviation. Scale of the Cauchy loss on epipolar distances: smaller
+than `CAUCHY`, so that outliers count less, since people may be matched wrongly. Chosen on simulated
+scenes of benchmarks.accuracy.level; not verified on real recordings."""
 
 MIN_SCALE_PX = 0.5
 """Pixels. Least robust scale of reprojection errors: keypoints are rarely better, and without

@@ -46,7 +46,7 @@ def test_the_transform_gives_the_sum_at_every_lag(seed, P, Q, most_values):
     rng = np.random.default_rng(seed)
     a, b = random_tracks(rng, P, n=14), random_tracks(rng, Q, n=14)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(correlation, "_MOST_VALUES", most_values)
+        patch.setattr(correlation, "_BLOCK_VALUES", most_values)
         covariance = cross_covariance(a, b, max_lag=13)
     np.testing.assert_array_equal(covariance.lags, np.arange(-13, 14))
     for i, lag in enumerate(covariance.lags):
