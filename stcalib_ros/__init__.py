@@ -44,6 +44,7 @@ if TYPE_CHECKING:
         Recording,
         Track,
     )
+    from stcalib_ros.core.model.rejection import Rejection, RejectionReason
     from stcalib_ros.core.model.scale_cues import Distance
     from stcalib_ros.core.options import Options
     from stcalib_ros.core.pipeline import calibrate, run_stages
@@ -70,6 +71,8 @@ __all__ = [
     "Options",
     "PersonAssociation",
     "Recording",
+    "Rejection",
+    "RejectionReason",
     "SceneOptions",
     "Stages",
     "Status",
@@ -113,6 +116,8 @@ _MODULE_OF = {
     "LensModel": "core.model.recording",
     "Recording": "core.model.recording",
     "Track": "core.model.recording",
+    "Rejection": "core.model.rejection",
+    "RejectionReason": "core.model.rejection",
     "Distance": "core.model.scale_cues",
     "Options": "core.options",
     "calibrate": "core.pipeline",

@@ -62,7 +62,6 @@ LONG = {
     f"{CORE}.refinement.spline_trajectories",
     f"{CORE}.registration.two_view_refinement._step",
     f"{CORE}.synthetic.scene.true_calibration",
-    f"{CORE}.validation.camera_checks.check_cameras",
     f"{PACKAGE}.ros.buffers",
     f"{PACKAGE}.ros.node",
 }

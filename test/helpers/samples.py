@@ -19,6 +19,7 @@ from stcalib_ros.core.model.calibration import (
     Status,
 )
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.ros.convert import calibration_result
 
 LENS = Intrinsics(640, 480, LensModel.PLUMB_BOB, np.diag([600.0, 600.0, 1.0]), np.zeros(5))
@@ -41,6 +42,9 @@ def camera(name: str, seed: int) -> CameraCalibration:
     )
 
 
+FEW_INLIERS = Rejection(RejectionReason.TOO_FEW_INLIERS, ("cam2",), 150.0, 400.0, "keypoints")
+
+
 def calibration() -> Calibration:
     return Calibration(
         status=Status.OK,
@@ -51,6 +55,7 @@ def calibration() -> Calibration:
         window_s=(1_760_000_000.25, 1_760_000_060.5),
         cameras=tuple(camera(f"cam{i}", i) for i in range(3)),
         uncalibrated=(left_out("cam3", "shares nobody with the others"),),
+        rejections=(Rejection(RejectionReason.LOOKALIKES, ("cam1",)), FEW_INLIERS),
         persons=(
             PersonAssociation(0, {"cam0": (3,), "cam1": (7, 12)}, 1.5, 4.0),
             PersonAssociation(1, {"cam2": (1,)}, 2.5),

@@ -74,7 +74,7 @@ def test_it_says_what_was_found(page: Page, report_stages: Stages) -> None:
     for said in (
         "Calibrated",
         "The least constrained camera is cam",
-        "Clock rates are left out: ",
+        "Clock skews are not observable in ",
         f"3 of 3 cameras, 2 persons; {calibration.n_inliers} of {calibration.n_observations}",
         f"{calibration.reprojection_rms_px:.2f} px (rms)",
         "T_ref_cam: x_ref = R x_cam + t",

@@ -16,6 +16,7 @@ from samples import STAMP, calibration
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker
 
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.monitoring.alarms import State, Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Counts
@@ -131,6 +132,16 @@ def test_status_of_the_solver(in_force, last_status, level):
     idle = solver_status("n", SolverState(None, in_force, "run-1", last_status, "why"))
     assert running.level == idle.level == level
     assert (running.message, idle.message) == ("running run-2: lift", "idle")
+
+
+def test_reasons_of_the_last_run_are_codes_with_their_cameras():
+    reasons = (
+        Rejection(RejectionReason.RIVAL_SOLUTION),
+        Rejection(RejectionReason.DISCONNECTED, ("cam1", "cam2")),
+    )
+    state = SolverState(None, "", "run-1", "DEGENERATE", "why", last_reasons=reasons)
+    values = {pair.key: pair.value for pair in solver_status("n", state).values}
+    assert values["last_reasons"] == "RIVAL_SOLUTION, DISCONNECTED (cam1 cam2)"
 
 
 @pytest.mark.parametrize(

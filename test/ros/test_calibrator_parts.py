@@ -14,6 +14,7 @@ from plain import CAMERA, Ear, fill, info, poses
 
 from stcalib_ros.core.errors import Cancelled, InputError
 from stcalib_ros.core.model.calibration import Status
+from stcalib_ros.core.model.rejection import RejectionReason
 from stcalib_ros.core.options import Options
 from stcalib_ros.ros import worker as worker_module
 from stcalib_ros.ros.buffers import Buffers
@@ -277,7 +278,12 @@ class Solver:
                 raise Cancelled("cancelled during registration")
         if self.error is not None:
             raise self.error
-        return replace(failure(Status.OK, "2 of 2 cameras calibrated"), reference="cam0")
+        return replace(
+            failure(Status.CANCELLED, "2 of 2 cameras calibrated"),
+            status=Status.OK,
+            reference="cam0",
+            rejections=(),
+        )
 
 
 @pytest.fixture
@@ -338,13 +344,25 @@ def test_a_job_is_cancelled(solver, job):
 
 
 @pytest.mark.parametrize(
-    ("error", "status", "message"),
+    ("error", "status", "reason", "message"),
     [
-        (InputError("no such layout"), Status.INSUFFICIENT_DATA, "no such layout"),
-        (np.linalg.LinAlgError("singular"), Status.NOT_CONVERGED, "LinAlgError: singular"),
+        (
+            InputError("no such layout"),
+            Status.INSUFFICIENT_DATA,
+            RejectionReason.INPUT_UNUSABLE,
+            "no such layout",
+        ),
+        (
+            np.linalg.LinAlgError("singular"),
+            Status.NOT_CONVERGED,
+            RejectionReason.SOLVER_FAILED,
+            "LinAlgError: singular",
+        ),
     ],
 )
-def test_whatever_the_solver_stumbles_over_the_worker_goes_on(solver, job, error, status, message):
+def test_whatever_the_solver_stumbles_over_the_worker_goes_on(
+    solver, job, error, status, reason, message
+):
     solver.error = error
     solver.go_on.set()
     worker = Worker(Bell(), print)
@@ -354,3 +372,5 @@ def test_whatever_the_solver_stumbles_over_the_worker_goes_on(solver, job, error
         outcome = worker.collect()
         assert outcome is not None
         assert (outcome.calibration.status, outcome.calibration.message) == (status, message)
+        (rejection,) = outcome.calibration.rejections
+        assert (rejection.reason, rejection.detail) == (reason, message)

@@ -86,12 +86,27 @@ def test_persons_pairs_and_figures():
     assert (pair.camera_a, pair.camera_b, pair.n_matches) == ("cam0", "cam1", 2)
     assert (pair.median_angle_rad, pair.epipolar_rms_px) == (0.125, 1.75)
     assert (message.run_id, message.status) == ("run-1", CalibrationResult.OK)
-    assert message.message == "3 cameras from 2 persons; cam3: shares nobody with the others"
+    assert message.message == "3 cameras from 2 persons"
     assert message.reprojection_rms_px == 2.25
     assert (message.n_observations, message.n_inliers) == (5000, 4700)
     assert (message.window_start.sec, message.window_end.nanosec) == (1_760_000_000, 500_000_000)
     assert list(message.joint_covariance) == [0, 1, 2, 3]
     assert list(message.parameter_order) == ["cam0.x", "cam0.time_offset_s"]
+
+
+def test_reasons_have_codes_numbers_and_sentences():
+    lookalikes, few, left_out = through_cdr(result_message()).reasons
+    assert (lookalikes.code, list(lookalikes.cameras)) == ("LOOKALIKES", ["cam1"])
+    assert math.isnan(lookalikes.measured)
+    assert math.isnan(lookalikes.limit)
+    assert (few.code, few.measured, few.limit, few.unit) == (
+        "TOO_FEW_INLIERS",
+        150.0,
+        400.0,
+        "keypoints",
+    )
+    assert few.message.startswith("cam2: only 150 of its keypoints fit, 400 are needed")
+    assert (left_out.code, left_out.message) == ("UNSPECIFIED", "shares nobody with the others")
 
 
 @pytest.mark.parametrize("status", Status)

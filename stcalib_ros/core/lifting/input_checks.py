@@ -27,7 +27,14 @@ _PERIOD_SLACK = 1.02
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Cameras worth looking at (indices, the reference first) and the others with reasons."""
+    """Cameras that can be compared, and those that are rejected before anything is computed.
+
+    Attributes
+    ----------
+    cameras : tuple of int
+        Indices of the former, the reference first.
+    rejected : tuple of UncalibratedCamera
+    """
 
     cameras: tuple[int, ...]
     rejected: tuple[UncalibratedCamera, ...]
@@ -53,7 +60,7 @@ def require_usable(recording: Recording, options: Options) -> int:
 
 
 def require_reference(recording: Recording, options: Options) -> int:
-    """Index of the reference camera.
+    """Return the index of the reference camera.
 
     Raises
     ------
@@ -76,7 +83,7 @@ def require_reference(recording: Recording, options: Options) -> int:
 
 
 def require_known_cameras(recording: Recording, options: Options) -> None:
-    """Check that known distances are about cameras that are there.
+    """Check that the cameras of known distances are in the recording.
 
     Raises
     ------
@@ -117,7 +124,7 @@ def require_line_times(recording: Recording) -> None:
 
 
 def select_cameras(cameras: Sequence[LiftedCamera], first: int, options: Options) -> Selection:
-    """Cameras that see people and whose clocks can overlap.
+    """Select the cameras that observe people and whose clocks can overlap.
 
     Raises
     ------
@@ -150,7 +157,7 @@ def select_cameras(cameras: Sequence[LiftedCamera], first: int, options: Options
 def _overlapping(
     cameras: Sequence[LiftedCamera], members: Sequence[int], options: Options
 ) -> list[list[int]]:
-    """Groups of cameras that may show enough common moments, in the given order."""
+    """Return groups of cameras with enough temporal overlap, in the given order."""
     groups: list[list[int]] = []
     for i in members:
         near = [
@@ -167,7 +174,7 @@ def _overlapping(
 
 
 def _common_frames(a: LiftedCamera, b: LiftedCamera, options: Options) -> float:
-    """Images that the two can share at best, within the range of offsets."""
+    """Return how many images two cameras have in common at best, within the range of offsets."""
     slack = 2.0 * options.offset_range_s
     overlap = min(a.stamps[-1], b.stamps[-1] + slack) - max(a.stamps[0], b.stamps[0] - slack)
     longest = min(a.stamps[-1] - a.stamps[0], b.stamps[-1] - b.stamps[0])
@@ -222,9 +229,9 @@ def _require_motion(cameras: Sequence[LiftedCamera]) -> None:
 
 
 def movement_of(track: LiftedTrack, stamps: Float64Array) -> float:
-    """Slow movement of the limbs that move most, as a share of the body's height in the image.
+    """Return the slow movement of the limbs that move most, over the height of the body.
 
-    The range of the key points in time (10 % to 90 %, so that short exchanges of left and
+    The range of the keypoints in time (10 % to 90 %, so that short exchanges of left and
     right do not count), after noise from image to image has been averaged away; of the
     joints, the 90th percentile, since people may move their arms only.
     """
@@ -248,6 +255,6 @@ def movement_of(track: LiftedTrack, stamps: Float64Array) -> float:
 
 
 def _moving_sum(values: Float64Array, width: int) -> Float64Array:
-    """Sums over `width` successive entries of the first axis."""
+    """Return sums over `width` successive entries of the first axis."""
     total = np.cumsum(np.concatenate([np.zeros_like(values[:1]), values]), axis=0)
     return np.asarray(total[width:] - total[:-width])

@@ -1,4 +1,4 @@
-"""From the last round of adjustment to the published `Calibration`."""
+"""From the last iteration of the adjustment to the published `Calibration`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def make_calibration(
     uncalibrated: Sequence[UncalibratedCamera],
     world_frame: str = "",
 ) -> Calibration:
-    """Put the result together, in its unit and frame.
+    """Express a solution in the unit and frame of the result.
 
     Parameters
     ----------
@@ -50,13 +50,13 @@ def make_calibration(
     skeleton : Skeleton
     last : Iteration
     covariance : (7 C, 7 C) ndarray
-        In the frame of the reference camera and the unit of the round.
+        Covariance in the frame of the reference camera and the unit of the adjustment.
     placement : WorldAlignment
-        Where the result lies.
+        Unit and frame of the result.
     judgement : Judgement
     uncalibrated : sequence of UncalibratedCamera
     world_frame : str
-        Name of the frame of an upright placement.
+        Name of the frame of a result with z up.
     """
     rig, o = last.rig, last.observations
     order = np.argsort(rig.cameras, kind="stable")
@@ -110,7 +110,7 @@ def _window(cameras: Sequence[LiftedCamera], last: Iteration) -> tuple[float, fl
 
 @dataclass(frozen=True, slots=True)
 class _Clock:
-    """Offset at the epoch, rate, and by how much the variance of the former grows from there."""
+    """Time offset at the epoch, skew, and the variance that the skew adds to the offset there."""
 
     offset_s: float
     skew: float = 0.0
