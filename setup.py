@@ -1,7 +1,7 @@
 """The pip path: everything but the ROS messages and nodes, which colcon builds.
 
-The metadata is in pyproject.toml; here is only what cannot be said there: msg/, which ROS wants
-at the top, goes into the package as `stcalib_ros.definitions`.
+The metadata is in pyproject.toml; here is only what it cannot express: msg/, which ROS expects
+at the top level, is installed into the package as `stcalib_ros.definitions`.
 """
 
 from setuptools import find_packages, setup

@@ -1,6 +1,7 @@
-"""How good and how fast the calibration is, measured.
+"""Measurements of accuracy and cost of the calibration.
 
-Every benchmark runs on one BLAS thread, so that CPU seconds compare; import this package first.
+Importing this package limits BLAS to one thread, for CPU seconds to be comparable; it has to
+happen before NumPy is imported.
 """
 
 import os

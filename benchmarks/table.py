@@ -1,4 +1,4 @@
-"""Figures beside their targets, as text and as JSON."""
+"""Tables of figures beside their targets, for every benchmark that has targets."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import IO, Any
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One figure of the table: its distribution and its target."""
+    """One figure of a table, its target, and whether it is met (None without a target)."""
 
     figure: str
     value: str
@@ -29,7 +29,7 @@ def print_rows(title: str, rows: Iterable[Row], *, file: IO[str]) -> None:
 
 
 def finite(value: Any) -> Any:
-    """Replace what JSON has no number for by null."""
+    """Replace NaN and infinity, which JSON lacks, by None."""
     if isinstance(value, dict):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from stcalib_ros.io.bag import Decoder
 
 INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells report it: 128 plus the number of SIGINT."""
 
 _COMMANDS = {
     "calibrate": "calibrate the cameras of a bag",
@@ -25,7 +26,7 @@ _COMMANDS = {
 }
 
 _DESCRIPTION = """\
-Calibrate cameras from people walking: where the cameras are, how their clocks differ, who is who.
+Calibrate cameras from people walking: camera poses, time offsets and who is who.
 Needs no ROS; within ROS, `ros2 run stcalib_ros replay` does the same as `stcalib calibrate`.
 """
 
@@ -33,7 +34,7 @@ EPILOG = """\
 exit status:
   0    done, and the files are there
   2    unusable arguments or files
-  3    no trustworthy calibration can be had from this data
+  3    this data gives no trustworthy calibration
   130  interrupted (Ctrl-C); nothing is left behind
 """
 
@@ -65,7 +66,19 @@ def main(argv: Sequence[str] | None = None, *, decoder: Decoder | None = None) -
 
 
 def run_command(name: str, command: Callable[[], object]) -> int:
-    """Run a command; what goes wrong is one line on standard error and an exit status."""
+    """Run a command; an error becomes one line on standard error and an exit status.
+
+    Parameters
+    ----------
+    name : str
+        Begins the line.
+    command : callable
+
+    Returns
+    -------
+    int
+        0, the exit status of the error, or `INTERRUPTED`.
+    """
     try:
         command()
         sys.stdout.flush()

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from stcalib_ros.cli import run_command
 from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text, table, warn
-from stcalib_ros.core.errors import CalibrationError, InputError, StcalibError
+from stcalib_ros.core.errors import CalibrationError, InputError
 from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import Recording
@@ -23,9 +24,17 @@ from stcalib_ros.report import require_matplotlib
 
 _DATA = Path(__file__).parent / "data" / "demo"
 _FPS = 60.0
+"""Hz. Frame rate of the four cameras of the clip."""
+
 _MAX_ROTATION_RAD = 0.07
+"""rad. Promised mean rotation error, chosen above the 2 to 3 degrees (0.035 to 0.05 rad) that the
+reference itself is good to."""
+
 _MAX_CENTRE_M = 0.25
+"""m. Promised largest error of a camera's position after alignment."""
+
 _MAX_OFFSET_S = 0.050
+"""s. Promised largest error of a time offset: three frames."""
 
 _INTRODUCTION = """\
 A man on a low beam and a woman, 1.67 s of video of four real cameras; BlazePose found their poses.
@@ -34,7 +43,7 @@ Each camera's clock was shifted by up to a third of a second. Neither poses nor 
 
 _REFERENCE = """\
 The true values of this clip are themselves only good to 2-3 degrees (0.035-0.05 rad): smaller
-differences mean nothing. stcalib_ros/data/demo/README.md says where they come from."""
+differences are not significant. stcalib_ros/data/demo/README.md says where they come from."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -43,18 +52,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0 calibrated, 2 unusable arguments or files, 3 no trustworthy calibration.
+        Exit status: 0 calibrated, 2 unusable arguments or files, 3 no trustworthy calibration,
+        130 interrupted.
     """
     args = _parser().parse_args(argv)
-    try:
-        _run(args.output_dir)
-    except StcalibError as error:
-        print(f"demo: {error}", file=sys.stderr)
-        return error.exit_status
-    except KeyboardInterrupt:
-        print("demo: interrupted", file=sys.stderr)
-        return 130
-    return 0
+    return run_command("demo", lambda: _run(args.output_dir))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -130,13 +132,13 @@ def _write(
 
 
 def errors_text(evaluation: Evaluation, calibration: Calibration, truth: Calibration) -> str:
-    """Errors against the truth, each beside what was promised.
+    """Return a table of the errors against the truth, each beside the promised bound.
 
     Parameters
     ----------
     evaluation : Evaluation
     calibration, truth : Calibration
-        What it was made of.
+        What the evaluation compares.
     """
     offset = max(abs(camera.offset_s) for camera in evaluation.cameras)
     frames = max(abs(camera.offset_frames) for camera in evaluation.cameras)
@@ -168,7 +170,7 @@ def errors_text(evaluation: Evaluation, calibration: Calibration, truth: Calibra
 
 
 def persons_right(calibration: Calibration, truth: Calibration) -> tuple[int, int]:
-    """How many of the people that every camera sees have exactly their own tracks.
+    """Count the people observed by every camera who are assigned exactly their own tracks.
 
     Returns
     -------

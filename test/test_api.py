@@ -6,6 +6,7 @@ import ast
 import doctest
 import inspect
 import io
+import re
 import runpy
 import subprocess
 import sys
@@ -97,6 +98,13 @@ def test_public_records_document_every_field_by_name(name: str) -> None:
     if is_dataclass(record):
         for field in inspect.signature(record).parameters:
             assert field in documentation
+
+
+@pytest.mark.parametrize("name", FUNCTIONS + CLASSES)
+def test_public_arrays_are_documented_with_their_shape(name: str) -> None:
+    documentation = inspect.getdoc(getattr(st, name)) or ""
+    arrays = re.findall(r"^\w.* : (.*\b(?:ndarray|array_like)\b.*)$", documentation, re.MULTILINE)
+    assert [text for text in arrays if not re.search(r"\([^)]+,[^)]*\)", text)] == []
 
 
 @pytest.mark.parametrize("name", ["", *FUNCTIONS])

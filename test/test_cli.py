@@ -351,8 +351,8 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--fps", "30", "25"], "2 rates for 4 cameras"),
         (["--line-time-s", "1e-5", "2e-5"], "2 line times for 4 cameras"),
         (["--rig", "missing.json"], "cannot read missing.json"),
-        (["--rig", TRUTH], "is no camera rig"),
-        (["--missing", "1.5"], "missing must be a share"),
+        (["--rig", TRUTH], "is not a camera rig"),
+        (["--missing", "1.5"], "missing must be a fraction"),
     ],
 )
 def test_simulate_unusable(

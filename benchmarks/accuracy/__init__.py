@@ -1,1 +1,1 @@
-"""Accuracy on simulated scenes and the demo recording."""
+"""Accuracy on simulated scenes and on the demo recording."""

@@ -1,11 +1,16 @@
-"""Whether the predicted covariances are true: normalised estimation errors squared.
+"""Consistency of the covariances: normalized estimation errors squared (NEES).
 
     python -m benchmarks.accuracy.consistency
     python -m benchmarks.accuracy.consistency --only bias --scenes 10
 
-For every camera but the reference, ``e^T C^-1 e / n`` of its rotation, centre and offset, with the
-first baseline of length 1: 1 on average where covariances are true, above where they are too small.
-Exit status 1 if a mean is outside of its bounds.
+For every camera but the reference, ``e^T C^-1 e / n`` of its rotation, centre and time offset, in
+units of the first baseline: 1 on average where the covariances are right, more where they are too
+small. Exit status 1 if a mean is outside its limits.
+
+References
+----------
+Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001,
+section 5.4.
 """
 
 from __future__ import annotations
@@ -26,22 +31,23 @@ from stcalib_ros.core.synthetic import simulate
 from stcalib_ros.io.mocap import shipped_clips
 
 _BLOCKS = ("rotation", "centre", "offset")
-_BOUNDS = {"default": (0.7, 1.5), "bias": (0.5, 3.0), "rates": (0.5, 3.0)}
+_LIMITS = {"default": (0.7, 1.5), "bias": (0.5, 3.0), "rates": (0.5, 3.0)}
 _RANK = 1e-6
+"""Ratio of an eigenvalue to the largest below which a direction is fixed by the gauge."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the benchmark and print the table; 0 if all means are within their bounds, else 1."""
+    """Run the benchmark and print the table; 0 if all means are within their limits, else 1."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.accuracy.consistency", description=__doc__
     )
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--only", choices=list(_BOUNDS), help="one scenario")
+    parser.add_argument("--only", choices=list(_LIMITS), help="one scenario")
     parser.add_argument("--scenes", type=int, default=100, metavar="N", help="default 100")
     args = parser.parse_args(argv)
     met: bool = True
     for scenario in SCENARIOS:
-        if scenario.name in _BOUNDS and args.only in (None, scenario.name):
+        if scenario.name in _LIMITS and args.only in (None, scenario.name):
             rows = _rows(scenario, args.scenes)
             print_rows(f"{scenario.name}: {scenario.title}", rows, file=sys.stdout)
             met = met and all(row.met is not False for row in rows)
@@ -51,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _rows(scenario: Scenario, n_scenes: int) -> list[Row]:
     found = [_scene(scenario, index) for index in range(n_scenes)]
     values = np.array([row for rows in found for row in rows]).reshape(-1, len(_BLOCKS))
-    low, high = _BOUNDS[scenario.name]
+    low, high = _LIMITS[scenario.name]
     out = [Row("scenes", f"{sum(bool(rows) for rows in found)} of {n_scenes} calibrated", "", None)]
     for name, column in zip(_BLOCKS, values.T, strict=True):
         mean = float(np.mean(column)) if len(column) else float("nan")
@@ -71,7 +77,10 @@ def _scene(scenario: Scenario, index: int) -> list[list[float]]:
 
 
 def normalised_errors(found: Calibration, truth: Calibration) -> list[list[float]]:
-    """Per camera but the reference: of rotation, centre and offset, by degree of freedom."""
+    """Return the NEES per degree of freedom of rotation, centre and offset, for each camera.
+
+    The reference camera is left out.
+    """
     unit, true_unit = (1.0 / np.linalg.norm(c.cameras[1].t_ref_cam) for c in (found, truth))
     return [
         _of_camera(camera, true, float(unit), float(true_unit))
@@ -93,7 +102,7 @@ def _of_camera(
 
 
 def _normalised(error: Float64Array, covariance: Float64Array) -> float:
-    """``e^T C^+ e`` by the rank of C: along the first baseline the gauge leaves no error."""
+    """Return ``e^T C^+ e`` over the rank of C; the gauge fixes the length of the first baseline."""
     value, vector = np.linalg.eigh(covariance)
     free = value > _RANK * value.max()
     return float(((error @ vector[:, free]) ** 2 / value[free]).sum() / free.sum())

@@ -1,17 +1,17 @@
-"""The errors of the pipeline beside the least that the scenes allow.
+"""Errors of the pipeline beside the Cramer-Rao bound of each scene.
 
     python -m benchmarks.accuracy.cramer_rao
     python -m benchmarks.accuracy.cramer_rao --only default --scenes 5
 
-The floor is the Cramer-Rao bound of every scene (`stcalib_ros.core.evaluation.cramer_rao`), with
-true cameras, trajectories and identities: the mean error of an estimate that scatters by it, by
-the metric of the pipeline's own error. Two are printed; the ratio that the target is for is that
-to the floor with free points, the model that the adjustment solves. Where a scene is not solved
-its errors count as infinite. Jittered stamps leave the mean of their errors unknown: that is part
-of the floor of the offsets, while the times of single images count as known. Few errors are above
-their mean and many below, so that an estimate at the floor has a ratio of medians somewhat below
-1; "on average" is the mean over the solved scenes of error over floor, which is 1 there. Exit
-status 1 if a target is missed.
+The bound (`stcalib_ros.core.evaluation.cramer_rao`) is computed with the true cameras, trajectories
+and identities, and expressed as the mean error, in the pipeline's own metric, of an estimate with
+that covariance. Two bounds are printed. The target is the ratio to the bound with free points, the
+model that the bundle adjustment solves. The errors of a scene that is not solved count as infinite.
+Timestamp jitter leaves the mean error of each clock's stamps unknown: this is part of the bound of
+the time offsets, while the times of single images count as known. The distribution of errors is
+skewed, so an estimate that attains the bound has a ratio of medians somewhat below 1; "on average"
+is the mean of error over bound over the solved scenes, which is then 1. Exit status 1 if a target
+is missed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ import numpy as np
 from benchmarks.accuracy.measure import Run, judged, run_calibration, run_scenes
 from benchmarks.accuracy.scenarios import SCENARIOS, Scenario
 from benchmarks.table import Row, print_rows
-from stcalib_ros.core.bundle.normal_equations import CAMERA
+from stcalib_ros.core.bundle.covariance import OFFSET_ROW, rows_of
 from stcalib_ros.core.evaluation.cramer_rao import (
     CramerRaoBound,
     ExpectedErrors,
@@ -63,20 +63,20 @@ CASES = (
     ),
     _case("rates", _RATES.title, _RATES.options),
 )
-"""The `medians` of a case are the largest ratios of the median errors to those of the floor."""
+"""The `medians` of a case are the largest accepted ratios of median error to median bound."""
 
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """One calibration, and the mean errors at the floors of its scene."""
+    """One calibration, and the mean errors at the bounds of its scene."""
 
     run: Run
     free: ExpectedErrors
     spline: ExpectedErrors
     fps: float
 
-    def floors(self, error: str) -> tuple[float, float]:
-        """An error at both floors, in the unit of `Evaluation`."""
+    def bounds(self, error: str) -> tuple[float, float]:
+        """Mean error at both bounds, in the unit of `Evaluation`."""
         if error == "E_delta":
             return self.free.E_delta_s * self.fps, self.spline.E_delta_s * self.fps
         return getattr(self.free, error), getattr(self.spline, error)
@@ -100,37 +100,37 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def compare(case: Scenario, index: int) -> Compared:
-    """Calibrate one scene of a case, and compute its floors."""
+    """Calibrate one scene of a case, and compute its bounds."""
     options = case.scene_options(index)
     scene = simulate(options, clips=shipped_clips())
     fps = options.rates(options.n_cameras)[0]
     outcome = run_calibration(scene.recording)
     run = judged(outcome, scene.truth, name=case.name, seed=options.seed, fps=fps)
-    return Compared(run, *floors(scene), fps)
+    return Compared(run, *bounds(scene), fps)
 
 
-def floors(scene: Scene) -> tuple[ExpectedErrors, ExpectedErrors]:
-    """Mean errors at the floors of a scene, with free points and with splines."""
+def bounds(scene: Scene) -> tuple[ExpectedErrors, ExpectedErrors]:
+    """Mean errors at the bounds of a scene, with free points and with splines."""
     views, path = true_views(scene), ScenePath(scene)
     free, spline = (
-        expected_errors(_with_jitter(floor(views, path), scene), np.random.default_rng(0))
-        for floor in (free_point_bound, spline_bound)
+        expected_errors(_with_jitter(bound(views, path), scene), np.random.default_rng(0))
+        for bound in (free_point_bound, spline_bound)
     )
     return free, spline
 
 
-def _with_jitter(floor: CramerRaoBound, scene: Scene) -> CramerRaoBound:
-    """A floor with the mean error of the stamps of every clock, which no image tells."""
+def _with_jitter(bound: CramerRaoBound, scene: Scene) -> CramerRaoBound:
+    """Add the mean error of the stamps of every clock, which is not observable."""
     n = np.array([len(camera.stamps) for camera in scene.recording.cameras])
     variance = scene.options.stamp_jitter_s**2 / n
-    offsets = np.arange(CAMERA - 1, len(floor.covariance), CAMERA)[1:]
-    covariance = floor.covariance.copy()
+    offsets = rows_of(np.arange(1, len(n)))[:, OFFSET_ROW]
+    covariance = bound.covariance.copy()
     covariance[np.ix_(offsets, offsets)] += np.diag(variance[1:]) + variance[0]
-    return replace(floor, covariance=covariance)
+    return replace(bound, covariance=covariance)
 
 
 def summary(case: Scenario, found: Sequence[Compared]) -> list[Row]:
-    """Medians of errors and floors, and their ratios beside the targets."""
+    """Return the medians of errors and bounds, and their ratios beside the targets."""
     n, solved = len(found), sum(not one.run.failure for one in found)
     needed = n - int((1 - case.success) * n)
     wrong = sum(one.run.wrong for one in found)
@@ -143,8 +143,8 @@ def summary(case: Scenario, found: Sequence[Compared]) -> list[Row]:
         ours = float(
             np.median([np.inf if one.run.failure else _error(one, error) for one in found])
         )
-        free, spline = np.median([one.floors(error) for one in found], axis=0)
-        ratio = [_error(one, error) / one.floors(error)[0] for one in good]
+        free, spline = np.median([one.bounds(error) for one in found], axis=0)
+        ratio = [_error(one, error) / one.bounds(error)[0] for one in good]
         average = float(np.mean(ratio)) if good else np.inf
         text = f"{ours:.3g}  free points {free:.3g}  spline {spline:.3g}"
         limit = case.medians[error]

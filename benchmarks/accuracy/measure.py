@@ -25,15 +25,15 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What a calibration came to.
+    """Result of a calibration.
 
     Attributes
     ----------
     calibration : Calibration or None
     cpu_s : float
-        CPU seconds of this process.
+        CPU seconds of the calibration alone.
     refusal : str
-        Why there is none.
+        Error message if there is no result.
     """
 
     calibration: Calibration | None
@@ -52,11 +52,11 @@ class Run:
     cpu_s : float
         CPU seconds of the calibration alone.
     evaluation : Evaluation or None
-        None where there is nothing to compare.
+        None if there is no result to compare.
     failure : str
-        Why the scene is not solved; empty if it is.
+        Reason why the scene is not solved; empty if it is.
     wrong : bool
-        It was given out as good, and is not.
+        Whether the status is OK although the errors exceed the targets.
     """
 
     scenario: str
@@ -82,7 +82,7 @@ def run_scene(scenario: Scenario, index: int) -> Run:
 
 
 def run_calibration(recording: Recording, options: Options | None = None) -> Outcome:
-    """Calibrate and take the time; a refusal is an outcome."""
+    """Calibrate and measure the CPU time; an error is an outcome, too."""
     start = time.process_time()
     try:
         calibration, refusal = calibrate(recording, options), ""
@@ -100,7 +100,7 @@ def judged(
     fps: float,
     bounds: Mapping[str, float] = SUCCESS,
 ) -> Run:
-    """Compare with the truth and say whether the scene is solved."""
+    """Compare a result with the truth and decide whether the scene is solved."""
     found = outcome.calibration
     if found is None:
         return Run(name, seed, outcome.cpu_s, None, outcome.refusal)
@@ -118,7 +118,7 @@ def judged(
 
 
 def run_scenes(task: Callable[[int], _T], n: int, *, title: str, jobs: int) -> list[_T]:
-    """Run the scenes 0 to n - 1, in processes if asked to; a terminal is told how far they are."""
+    """Run scenes 0 to n - 1, in `jobs` processes, and show the progress on a terminal."""
     if jobs == 1:
         return _followed(map(task, range(n)), n, title)
     with ProcessPoolExecutor(jobs) as pool:

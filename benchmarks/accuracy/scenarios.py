@@ -1,4 +1,4 @@
-"""The scenes that the level is measured on, and what is asked of each."""
+"""Simulated scenes for measuring accuracy, with the targets of each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ SUCCESS = {"E_R": 0.02, "E_t": 0.05, "E_delta": 0.5}
 """A scene is solved if every camera is calibrated and no error is above these."""
 
 MAX_CPU_S = 8.0
+"""Largest accepted CPU seconds of one calibration: several times the usual ones."""
 MAX_RATIO = 1.5
+"""Largest accepted ratio of a median error to that of the easier scenario with the same seeds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,19 +25,19 @@ class Scenario:
     ----------
     name, title : str
     options : SceneOptions
-        Of the first scene; the others differ by their seed.
+        Options of the first scene; the others differ in their seed.
     n_scenes : int
     success : Fraction
-        Least share of scenes to be solved.
+        Smallest fraction of scenes to be solved.
     medians, p90 : mapping of str to float
-        Largest medians and 90th percentiles of the errors.
+        Largest accepted medians and 90th percentiles of the errors.
     beside : str
-        Name of the scenario of the same scenes without what makes these harder: medians may be
-        `MAX_RATIO` times those of the same seeds there.
+        Name of the easier scenario with the same seeds: medians may be up to `MAX_RATIO` times
+        those there.
     may_refuse : bool
-        To refuse such a scene is as good as to solve it.
+        Whether refusing such a scene counts as much as solving it.
     line_times : str
-        Of rolling shutters: "ignored", "given" or "estimated".
+        Treatment of rolling shutters: "ignored", "given" or "estimated".
     """
 
     name: str
@@ -50,7 +52,7 @@ class Scenario:
     line_times: str = "ignored"
 
     def scene_options(self, index: int) -> SceneOptions:
-        """Options of one scene."""
+        """Return the options of one scene."""
         return replace(self.options, seed=self.options.seed + index)
 
 
@@ -67,7 +69,7 @@ SCENARIOS = (
     ),
     Scenario(
         "bias",
-        "the same with key points that are systematically off by 20 mm",
+        "the same with a view-dependent keypoint bias of 20 mm",
         SceneOptions(seed=2000, keypoint_bias_mm=20.0),
         50,
         Fraction(49, 50),
@@ -76,7 +78,7 @@ SCENARIOS = (
     ),
     Scenario(
         "crowd",
-        "6 people, 25 % missing per view, occlusions, id switches, key points off by 20 mm",
+        "6 people, 25 % missing per view, occlusions, id switches, 20 mm keypoint bias",
         SceneOptions(
             seed=3000,
             n_people=6,
@@ -89,8 +91,8 @@ SCENARIOS = (
         15,
         Fraction(13, 15),
     ),
-    # One of them repeats a clip at one place, to the frame: he cannot be told from himself a
-    # period later, and to refuse is right.
+    # In one of them the person repeats a clip exactly and in place: the motion is periodic, the
+    # time offset is ambiguous by a period, and refusing is right.
     Scenario(
         "one",
         "one person",
@@ -126,14 +128,14 @@ SCENARIOS = (
     ),
     Scenario(
         "shutter ignored",
-        "the default scenes with rolling shutters, 25 us per row, that nobody knows of",
+        "the default scenes with rolling shutters of 25 us per row, treated as global ones",
         _ROLLING,
         10,
         Fraction(9, 10),
     ),
     Scenario(
         "shutter",
-        "the same, line times given",
+        "the same, line delays given",
         _ROLLING,
         10,
         Fraction(1),
@@ -142,7 +144,7 @@ SCENARIOS = (
     ),
     Scenario(
         "shutter estimated",
-        "the same, line times estimated",
+        "the same, line delays estimated",
         _ROLLING,
         10,
         Fraction(1),
@@ -150,12 +152,12 @@ SCENARIOS = (
         line_times="estimated",
     ),
 )
-"""The scenes of the level, in the order of the table."""
+"""Scenarios of the table, in its order."""
 
 HARD = (
     Scenario(
         "poor poses",
-        "3D poses that are off by 110 mm, and two seconds only",
+        "3D poses with errors of 110 mm, two seconds",
         SceneOptions(seed=7000, n_people=2, n_frames=60, lifter_mm=(110.0, 110.0)),
         50,
         Fraction(1),
@@ -163,7 +165,7 @@ HARD = (
     ),
     Scenario(
         "alike",
-        "two people who move alike, to the frame",
+        "two people with identical motion",
         SceneOptions(seed=7100, n_people=2, people="alike", n_frames=90),
         50,
         Fraction(1),
@@ -179,11 +181,11 @@ HARD = (
     ),
     Scenario(
         "glimpses",
-        "two people, each seen by a camera a quarter of the time",
+        "two people, each observed by a camera for a quarter of the time",
         SceneOptions(seed=7300, n_people=2, n_frames=150, missing=0.75),
         50,
         Fraction(1),
         may_refuse=True,
     ),
 )
-"""Scenes that can often not be solved, and must not be got wrong."""
+"""Scenarios that often cannot be solved, and must never give a wrong result with status OK."""

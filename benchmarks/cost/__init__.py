@@ -1,1 +1,1 @@
-"""CPU time and memory."""
+"""CPU time and memory of a calibration."""

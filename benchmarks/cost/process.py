@@ -9,18 +9,19 @@ from pathlib import Path
 
 _TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 _MB = 1024.0
+"""Kilobytes of ``/proc`` in the unit of memory, MiB."""
 
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """What processes take.
+    """Memory and CPU time of a process.
 
     Attributes
     ----------
     own_mb, own_peak_mb : float
         Resident memory of the process itself, now and at most.
     all_mb : float
-        Resident memory of it and its descendants; pages that they share count for each.
+        Resident memory of it and its descendants; shared pages count once for each.
     cpu_s : float
         CPU time of all of them since the start.
     """
@@ -32,7 +33,7 @@ class Usage:
 
 
 def usage(pid: int) -> Usage:
-    """Of a process that runs."""
+    """Return the memory and CPU time of a running process."""
     own = _memory_mb(pid, "VmRSS")
     others = list(_descendants(pid))
     return Usage(
@@ -44,7 +45,7 @@ def usage(pid: int) -> Usage:
 
 
 def _memory_mb(pid: int, key: str) -> float:
-    """NaN-free: 0 for a process that has gone meanwhile."""
+    """Return a field of ``status`` in MiB; 0 for a process that has ended meanwhile."""
     try:
         status = Path(f"/proc/{pid}/status").read_text()
     except OSError:
@@ -54,7 +55,7 @@ def _memory_mb(pid: int, key: str) -> float:
 
 
 def _fields(pid: int) -> list[str]:
-    """Fields of ``stat`` after the command's name: the state is the first."""
+    """Return the fields of ``stat`` after the name of the command; the first is the state."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -62,7 +63,7 @@ def _fields(pid: int) -> list[str]:
 
 
 def _cpu_s(pid: int) -> float:
-    """User and system time, with that of children that have ended."""
+    """Return user and system time, s, including that of children that have ended."""
     fields = _fields(pid)
     return sum(int(f) for f in fields[11:15]) * _TICK_S
 

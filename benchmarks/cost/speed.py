@@ -1,4 +1,4 @@
-"""What a calibration costs: CPU seconds by stage, peak memory, growth, start-up.
+"""Cost of a calibration: CPU seconds by stage, peak memory, growth with size, start-up.
 
     python -m benchmarks.cost.speed                    the whole table
     python -m benchmarks.cost.speed --only base
@@ -24,25 +24,26 @@ from stcalib_ros.core.options import Options
 from stcalib_ros.core.synthetic import SceneOptions
 
 _STARTUP_CPU_S = 0.5
+"""Largest accepted CPU seconds of ``stcalib calibrate --help``: no noticeable wait."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A size of the problem, and what it may cost.
+    """A problem size and the limits of its cost.
 
     Attributes
     ----------
     name, title : str
     scene : SceneOptions
-        Of the first scene; the others differ by their seed.
+        Options of the first scene; the others differ in their seed.
     n_scenes : int
     options : Options
     cpu_s : float or None
-        Largest median of the CPU seconds.
+        Largest accepted median of the CPU seconds.
     peak_mb : float or None
-        Most resident memory of the process.
+        Largest accepted peak of resident memory, MB.
     solve_mb : float or None
-        The same without what was resident before the calibration.
+        The same minus the memory resident before the calibration.
     """
 
     name: str
@@ -87,7 +88,7 @@ CASES = (
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """How the cost grows with one size: exponent of a power law through some cases."""
+    """Growth of the cost with one size: exponent of a power law fitted to some cases."""
 
     name: str
     sizes: Mapping[str, int]
@@ -101,12 +102,12 @@ GROWTHS = (
 )
 
 RANGE = ("wide", "narrow", 1.3)
-"""Cases whose costs are compared, and the largest ratio."""
+"""Two cases whose CPU seconds are compared, and the largest accepted ratio."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One figure and its target; `met` is None where there is none."""
+    """One figure and its upper limit; `met` is None without a limit."""
 
     figure: str
     value: float
@@ -114,7 +115,7 @@ class Row:
 
     @property
     def met(self) -> bool | None:
-        """Whether the target is met."""
+        """Whether the figure is within its limit."""
         return None if self.target is None else bool(self.value <= self.target)
 
 
@@ -163,7 +164,7 @@ def measured(case: Case, n_scenes: int) -> list[Timing]:
 
 
 def summary(case: Case, timings: Sequence[Timing]) -> Section:
-    """Medians of a case beside its targets; of memory the largest."""
+    """Return the median CPU seconds and the largest memory of a case beside its targets."""
     names = dict.fromkeys(name for t in timings for name in t.stages)
     stages = {name: median(t.stages.get(name, 0.0) for t in timings) for name in names}
     rows = (
@@ -178,7 +179,7 @@ def summary(case: Case, timings: Sequence[Timing]) -> Section:
 
 
 def comparisons(cases: Mapping[str, Section]) -> list[Section]:
-    """Exponents of growth and the price of a wide range, as far as their cases were run."""
+    """Return growth exponents and the cost of a wide offset range, for cases that were run."""
     cost = {name: section.rows[0].value for name, section in cases.items()}
     found = [
         Section(
@@ -198,7 +199,7 @@ def comparisons(cases: Mapping[str, Section]) -> list[Section]:
 
 
 def exponent(growth: Growth, cost: Mapping[str, float]) -> float:
-    """Slope of log cost over log size, by least squares."""
+    """Fit the slope of log cost over log size by least squares."""
     x = np.log([float(n) for n in growth.sizes.values()])
     y = np.log([cost[name] for name in growth.sizes])
     return float(np.polyfit(x, y, 1)[0])

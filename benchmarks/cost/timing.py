@@ -1,4 +1,4 @@
-"""One calibration in a process of its own: CPU seconds by stage, peak memory, and the errors."""
+"""One calibration in a process of its own: CPU seconds by stage, peak memory, errors."""
 
 from __future__ import annotations
 
@@ -29,24 +29,26 @@ from stcalib_ros.io.mocap import shipped_clips
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _MB = 1e6
+"""Bytes in the unit of memory, MB."""
 _FPS = 30.0
+"""Frame rate of the simulated scenes, Hz."""
 _T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """What one calibration took.
+    """Cost of one calibration.
 
     Attributes
     ----------
     stages : dict of str to float
         CPU seconds of each stage, in their order.
     peak_mb : float
-        Most resident memory of the process, the interpreter and the recording included.
+        Peak resident memory of the process, including interpreter and recording, MB.
     solve_mb : float
-        The same less what was resident before the calibration.
+        The same minus the memory resident before the calibration, MB.
     failure : str
-        Why the scene is not solved; empty if it is.
+        Reason why the scene is not solved; empty if it is.
     """
 
     stages: dict[str, float]
@@ -61,14 +63,14 @@ class Timing:
 
 
 class StageClock:
-    """Progress callback that shares out CPU time among the stages."""
+    """Progress callback that attributes CPU time to the stages."""
 
     def __init__(self) -> None:
         self.stages: dict[str, float] = {}
         self._stage, self._since = "", time.process_time()
 
     def __call__(self, stage: str, _: float = 0.0) -> None:
-        """Take note that a stage goes on or begins."""
+        """Record that a stage continues or begins."""
         now = time.process_time()
         if self._stage:
             self.stages[self._stage] = self.stages.get(self._stage, 0.0) + now - self._since
@@ -78,7 +80,7 @@ class StageClock:
 def in_own_process(scene: SceneOptions, options: Options) -> Timing:
     """Calibrate a simulated scene in a new process, on one thread.
 
-    Another process makes the scene, so that what this takes does not count.
+    Another process simulates the scene, so that its memory does not count.
     """
     for name in _THREADS:
         os.environ[name] = "1"

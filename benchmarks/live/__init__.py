@@ -1,1 +1,1 @@
-"""The live nodes under load."""
+"""Live nodes under load, and the monitoring of a calibration in use."""

@@ -1,4 +1,4 @@
-"""What was seen of the live node, and the table of it."""
+"""Observations of the live node, and the table made from them."""
 
 from __future__ import annotations
 
@@ -14,18 +14,24 @@ from benchmarks.live.player import Sent
 from benchmarks.table import Row
 
 MINUTE_S = 60.0
+"""Seconds over which the node reports its delays."""
 MAX_DELAY_MS = 20.0
+"""Largest accepted p99 of a delay in the worst minute, ms: within one frame at 30 Hz."""
 MAX_MB = 600.0
+"""Largest accepted resident memory of node and solver together, MB."""
 MAX_RESULT_S = 0.3
+"""Largest accepted time from the end of a solve to the arrival of its result, s."""
 MAX_STOP_S = 2.0
+"""Largest accepted time from SIGINT to the end of the process, s."""
 MAX_GROWTH_MB_PER_MIN = 1.0
-_LEAST_SPAN_S = 120.0
-"""Less than this tells nothing about growth."""
+"""Largest accepted growth of memory between solves, MB/min."""
+_MIN_SPAN_S = 120.0
+"""Seconds between solves below which growth of memory is not assessed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The node at one time: `load` are the figures of its last minute, milliseconds."""
+    """State of the node at one time; `load` holds delays over its last minute, milliseconds."""
 
     at_s: float
     solving: bool
@@ -51,17 +57,17 @@ class Observed:
     Attributes
     ----------
     sent : dict of str to Sent
-        By camera.
+        Messages sent, by camera.
     received, dropped, buffered : dict of str to int
         Messages of poses by camera, as the node counts them at the end.
     lost : int
-        Those of which the node knows by their numbers that they never came.
+        Messages that never arrived, by gaps in their sequence numbers.
     solves : list of Solve
     samples : list of Sample
         One a second.
     exit_status : int
     stop_s : float
-        From SIGINT to the end of the process.
+        Seconds from SIGINT to the end of the process.
     """
 
     sent: dict[str, Sent]
@@ -76,7 +82,7 @@ class Observed:
 
 
 def rows(seen: Observed) -> tuple[Row, ...]:
-    """The table."""
+    """Return the rows of the table."""
     return (*_messages(seen), *_delays(seen.samples), *_solves(seen), *_resources(seen.samples))
 
 
@@ -95,7 +101,7 @@ def _messages(seen: Observed) -> tuple[Row, ...]:
 
 
 def _delays(samples: Sequence[Sample]) -> tuple[Row, ...]:
-    """By the worst minute; where there was none, by all that was seen."""
+    """Delays of the worst minute, or of the last sample if there was no full minute."""
     begin = next((s.at_s for s in samples if s.messages), math.inf)
     whole = [s for s in samples if s.at_s >= begin + MINUTE_S] or list(samples[-1:])
     table = []
@@ -136,7 +142,7 @@ def _resources(samples: Sequence[Sample]) -> tuple[Row, ...]:
     own = max((s.usage.own_peak_mb for s in samples), default=math.nan)
     growth, spans = _growth(samples)
     idle, busy = (_cpu_share(samples, solving) for solving in (False, True))
-    flat = abs(growth) <= MAX_GROWTH_MB_PER_MIN if spans >= _LEAST_SPAN_S else None
+    flat = abs(growth) <= MAX_GROWTH_MB_PER_MIN if spans >= _MIN_SPAN_S else None
     return (
         Row(
             "memory MB",
@@ -155,7 +161,7 @@ def _resources(samples: Sequence[Sample]) -> tuple[Row, ...]:
 
 
 def _growth(samples: Sequence[Sample]) -> tuple[float, float]:
-    """Slope of the memory between solves, from the end of the first on; and the time it is of."""
+    """Slope of the memory between solves after the first, MB/min, and its time span, s."""
     first = next((k for k, s in enumerate(samples) if s.solving), len(samples))
     settled = [s for s in samples[first:] if not s.solving]
     if len(settled) < 2:

@@ -1,10 +1,10 @@
-"""Whether the live node keeps up with many cameras while it calibrates.
+"""Throughput of the live node with many cameras while it calibrates.
 
     python -m benchmarks.live.intake                     12 cameras at 30 Hz, 6 people, 10 minutes
     python -m benchmarks.live.intake --minutes 2 --cameras 4
 
-Plays a simulated scene without end to the real node over DDS, from other processes, and lets it
-calibrate again and again. Needs ROS 2: `make env`, then `source scripts/activate.sh`.
+Plays a simulated scene in a loop to the real node over DDS, from other processes, and lets it
+calibrate repeatedly. Needs ROS 2: `make env`, then `source scripts/activate.sh`.
 
 Exit status 1 if a target is missed.
 """
@@ -35,10 +35,15 @@ from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mocap import shipped_clips
 
 _FPS = 30.0
+"""Frame rate of the simulated cameras, Hz."""
 _SETTLE_S = 2.0
+"""Seconds of observation before the first and after the last message."""
 _START_S = 60.0
+"""Seconds until all topics must have a subscriber."""
 _PAUSE_S = 5.0
+"""Seconds between the end of a calibration and the next request."""
 _STOP_S = 20.0
+"""Seconds after SIGINT until the process counts as hung."""
 _LOG = "calibrator.log"
 
 
@@ -76,10 +81,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def measure(executable: Path, args: argparse.Namespace, folder: Path) -> Observed:
-    """Run node, players and watcher, and return what was seen."""
+    """Run node, players and watcher, and return the observations."""
     bag, cameras = _bag(args, folder), [f"cam{c}" for c in range(args.cameras)]
-    shares = [cameras[k :: args.players] for k in range(args.players)]
-    with _players(bag, shares) as controls, _node(executable, cameras, folder) as node:
+    groups = [cameras[k :: args.players] for k in range(args.players)]
+    with _players(bag, groups) as controls, _node(executable, cameras, folder) as node:
         if not all(control.poll(_START_S) and control.recv() for control in controls):
             raise TimeoutError(f"the node does not listen: {_last_line(folder)}")
         watcher = Watcher("calibrator", node.pid, first_after_s=_first_s(args), pause_s=_PAUSE_S)
@@ -101,7 +106,7 @@ def measure(executable: Path, args: argparse.Namespace, folder: Path) -> Observe
 
 
 def _first_s(args: argparse.Namespace) -> float:
-    """When to ask for the first calibration: with a full window, if there is time for it."""
+    """Time of the first request for a calibration: a full window, in runs that are long enough."""
     return float(min(WINDOW_S, 60.0 * args.minutes / 3))
 
 
@@ -120,11 +125,11 @@ def _bag(args: argparse.Namespace, folder: Path) -> Path:
 
 
 @contextmanager
-def _players(bag: Path, shares: Sequence[Sequence[str]]) -> Iterator[list[Connection]]:
-    """Processes that play, each some of the cameras, and how to talk to them."""
+def _players(bag: Path, groups: Sequence[Sequence[str]]) -> Iterator[list[Connection]]:
+    """Start processes that each play some of the cameras, and yield their control connections."""
     context = multiprocessing.get_context("spawn")
     controls, processes = [], []
-    for cameras in shares:
+    for cameras in groups:
         ours, theirs = context.Pipe()
         process = context.Process(target=play, args=(bag, cameras, theirs), daemon=True)
         process.start()
@@ -162,7 +167,7 @@ def _node(
 
 def _last_line(folder: Path) -> str:
     lines = (folder / _LOG).read_text().splitlines()
-    return lines[-1] if lines else "it has said nothing"
+    return lines[-1] if lines else "it has logged nothing"
 
 
 def _executable() -> Path | None:
@@ -179,7 +184,9 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--people", type=int, default=6, metavar="N", help="default 6")
     parser.add_argument("--players", type=int, default=2, metavar="N", help="processes (default 2)")
     parser.add_argument("--scene-s", type=float, default=60.0, metavar="S", help="default 60")
-    parser.add_argument("--seed", type=int, default=7, metavar="N", help="of the scene")
+    parser.add_argument(
+        "--seed", type=int, default=7, metavar="N", help="seed of the scene (default 7)"
+    )
     parser.add_argument("--json", action="store_true", help="every sample as JSON on stdout")
     return parser.parse_args(argv)
 

@@ -1,4 +1,4 @@
-"""Cameras that send without end: a recording played in a loop, in a process of its own."""
+"""Simulated cameras: a recording played in a loop, in a process of its own."""
 
 from __future__ import annotations
 
@@ -13,15 +13,19 @@ from typing import Any
 from stcalib_ros.io.mcap_source import bag_files, raw_messages
 from stcalib_ros.io.messages import NS
 
-_STAMP_AT = 4  # after the encapsulation header of CDR
+_STAMP_AT = 4
+"""Byte offset of the header stamp, after the encapsulation header of CDR."""
 _LATE_S = 0.1
+"""Seconds after its due time from which a message counts as late."""
 _FPS = 30.0
+"""Frame rate of the recording, Hz: the next loop begins one frame after the last."""
 WINDOW_S = 30.0
+"""Seconds of data that the node keeps and calibrates."""
 
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """One image of one camera: when it is due after the start of the loop, and its poses."""
+    """One image of one camera: due time after the start of the loop, and its poses message."""
 
     due_ns: int
     camera: str
@@ -30,7 +34,7 @@ class Image:
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """What was sent of one camera.
+    """Number of messages sent for one camera.
 
     Attributes
     ----------
@@ -50,8 +54,8 @@ class Sent:
 def images_of(bag: Path, cameras: Sequence[str]) -> tuple[list[Image], dict[str, bytearray]]:
     """Images of some cameras by time, and the CameraInfo of each.
 
-    All cameras begin at one time and send when their stamps say so: all at once, which is the
-    hardest for whom listens.
+    All cameras start together and send according to their stamps: all at once, the worst case
+    for a subscriber.
     """
     topics = {f"/{name}/person_poses": name for name in cameras}
     infos = {f"/{name}/camera_info": name for name in cameras}
@@ -69,21 +73,21 @@ def images_of(bag: Path, cameras: Sequence[str]) -> tuple[list[Image], dict[str,
 
 
 def stamped(data: bytearray, stamp_ns: int) -> bytes:
-    """The message with another header stamp."""
+    """Return the message with another header stamp."""
     struct.pack_into("<iI", data, _STAMP_AT, *divmod(stamp_ns, NS))
     return bytes(data)
 
 
 def play(bag: Path, cameras: Sequence[str], control: Connection) -> None:
-    """Publish the poses and, with every image, the CameraInfo of some cameras until told to stop.
+    """Publish poses and CameraInfo of every image of some cameras until asked to stop.
 
     Parameters
     ----------
     bag : Path
     cameras : sequence of str
     control : Connection
-        Says True when all topics have a subscriber, takes the time to begin (Unix seconds),
-        takes anything as the order to stop, and says what was `Sent`.
+        Sends True once all topics have a subscriber, receives the start time (Unix seconds),
+        receives anything as the request to stop, and sends what was `Sent`.
     """
     import rclpy
     from rclpy.qos import qos_profile_sensor_data

@@ -1,4 +1,4 @@
-"""What the clock relay costs: images over DDS through a `restamp` process.
+"""Cost of the clock relay: images over DDS through a `restamp` process.
 
 Run ``python -m benchmarks.live.relay`` where the package is built and sourced.
 """
@@ -21,16 +21,19 @@ from sensor_msgs.msg import Image
 from stcalib_ros.msg import CalibrationResult, TimeOffset
 from std_msgs.msg import Header
 
+from benchmarks.cost.process import usage
 from stcalib_ros.io.messages import NS
 from stcalib_ros.io.stamps import stamp_of, with_stamp
 from stcalib_ros.ros.publishers import latched
 
 _OFFSET_S = 0.3
+"""Time offset of the simulated calibration, s."""
 _TIMEOUT_S = 30.0
+"""Seconds until the relay must have subscribed."""
 
 
 def main() -> None:
-    """Print CPU time per message, delay and what was lost."""
+    """Print CPU time per message, delay and losses."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cameras", type=int, default=1, metavar="N")
     parser.add_argument("--hz", type=float, default=30.0)
@@ -96,7 +99,7 @@ def _measure(relay: subprocess.Popen[bytes], names: list[str], args: argparse.Na
         publishers[names[0]].publish(with_stamp(image, stamp_ns))
         executor.spin_once(timeout_sec=0.1)
     delays.clear()
-    before_s, begin = _cpu_s(relay.pid), time.monotonic()
+    before_s, begin = usage(relay.pid).cpu_s, time.monotonic()
     n_sent = round(args.hz * args.seconds)
     for k in range(n_sent):
         while (rest := begin + k / args.hz - time.monotonic()) > 0:
@@ -108,7 +111,7 @@ def _measure(relay: subprocess.Popen[bytes], names: list[str], args: argparse.Na
     until = time.monotonic() + 1.0
     while time.monotonic() < until:
         executor.spin_once(timeout_sec=0.1)
-    used_s = _cpu_s(relay.pid) - before_s
+    used_s = usage(relay.pid).cpu_s - before_s
     n_all = n_sent * len(names)
     width, height = args.size
     print(f"{len(names)} x {width} x {height} bgr8 at {args.hz:g} Hz for {args.seconds:g} s")
@@ -135,12 +138,6 @@ def _image(width: int, height: int) -> bytes:
     )
     message.data = pixels.tobytes()
     return bytes(serialize_message(message))
-
-
-def _cpu_s(pid: int) -> float:
-    """User and system time of a process, seconds."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _wait(executor: SingleThreadedExecutor, done: Callable[[], bool]) -> None:

@@ -1,12 +1,12 @@
-"""What the watch notices when something happens to a camera, that it is quiet otherwise, its cost.
+"""Monitoring of a calibration in use: detection of changes, false alarms, CPU time.
 
     python -m benchmarks.live.watch                       20 runs each, and 20 of 10 minutes
     python -m benchmarks.live.watch --runs 2 --minutes 1  a short look
     python -m benchmarks.live.watch --only undisturbed --jobs 2
 
-The calibration that is watched is what the pipeline makes of the first seconds of each scene.
-A third of the scenes has 3 px of noise, a third has key points that are off by 20 mm, and in the
-last third 5 people hide each other, leave the views, and are lost and confused by the trackers.
+The calibration to monitor is estimated from the first seconds of each scene. A third of the scenes
+has 3 px of noise, a third has a keypoint bias of 20 mm, and in the last third 5 people occlude each
+other, leave the views, and are lost and exchanged by the trackers.
 
 Exit status 1 if a target is missed.
 """
@@ -28,20 +28,29 @@ import numpy as np
 from benchmarks.table import Row, finite, print_rows
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import Recording, excerpt
-from stcalib_ros.core.monitoring.alarms import KEPT_SPANS, State, Thresholds, Verdict, judge
-from stcalib_ros.core.monitoring.spans import SPAN_S, Span, check_span
+from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
+from stcalib_ros.core.monitoring.spans import Span, check_span
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import CameraChange, Scene, SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
 
 FPS = 30.0
+"""Frame rate of the simulated cameras, Hz."""
 CALIBRATED_S = (15.0, 30.0)
-"""Length of data that the calibration is made of; the longer one if the shorter is refused."""
+"""Seconds of data for the calibration; the longer one if the shorter is refused."""
 QUIET_S = 10.0
+"""Seconds of monitoring before a camera changes."""
 WITHIN_S = 10.0
+"""Largest accepted time from a change to its alarm, s."""
+MAX_CPU_FRACTION = 0.05
+"""Largest accepted CPU seconds per second of monitored time."""
 TURN_DEG = 2.0
+"""Rotation of the camera that is turned, degrees."""
 JUMP_S = 0.1
+"""Jump of the clock that jumps, s."""
 MIN_SCORE = 0.3
+"""Score from which keypoints are used, that of the default options."""
 
 KINDS: dict[str, dict[str, Any]] = {
     "noise": {},
@@ -59,11 +68,12 @@ KINDS: dict[str, dict[str, Any]] = {
 
 MANY: dict[str, Any] = {"n_cameras": 12, "n_people": 6, "area_radius_m": 2.0}
 _COST_RUNS = 2
+"""Runs that are enough to measure the CPU time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One scene under watch.
+    """One monitored scene.
 
     Attributes
     ----------
@@ -71,17 +81,17 @@ class Run:
     seed : int
     kind : str
     camera : str
-        To which something happens; empty if nothing does.
+        Camera that changes; empty if none does.
     false_alarms : tuple of str
-        Sentences of alarms about cameras to which nothing has happened (yet).
+        Alarms about cameras that have not changed (yet).
     detected_s : float
-        From the change to the end of the span that gave the right alarm; NaN without one.
+        Seconds from the change to the end of the span with the right alarm; NaN without one.
     sentence : str
         The right alarm.
     checked_s, cpu_s : float
-        Time under watch, and the CPU seconds that the watch took.
+        Monitored time, and the CPU seconds that monitoring took.
     failure : str
-        Why there was nothing to watch.
+        Reason why there is no calibration to monitor.
     """
 
     name: str
@@ -137,7 +147,7 @@ _TITLES = {
 
 
 def run(name: str, index: int, *, minutes: float) -> Run:
-    """Simulate a scene, calibrate its beginning and watch the rest."""
+    """Simulate a scene, calibrate its beginning and monitor the rest."""
     kind = "many" if name == "cost" else list(KINDS)[index % len(KINDS)]
     seed = 9000 + 100 * list(_TITLES).index(name) + index
     watched_s = 60.0 * minutes if name == "undisturbed" else QUIET_S + WITHIN_S + SPAN_S
@@ -221,7 +231,7 @@ def _judged(run: Run, verdicts: list[tuple[float, dict[str, Verdict]]], at_s: fl
 
 
 def summary(name: str, runs: Sequence[Run]) -> tuple[Row, ...]:
-    """The figures of runs of one name, beside the targets."""
+    """Return the figures of the runs of one name beside their targets."""
     n = len(runs)
     watched_runs = sum(not r.failure for r in runs)
     alarms = sum(bool(r.false_alarms) for r in runs)
@@ -234,8 +244,9 @@ def summary(name: str, runs: Sequence[Run]) -> tuple[Row, ...]:
             after = f"median {np.median(known):.1f}  max {max(known):.1f}"
             rows.append(Row("after s", after, "", None))
     rows.append(Row("false alarms", f"in {alarms} of {n}", "0", alarms == 0))
-    share = sum(r.cpu_s for r in runs) / max(sum(r.checked_s for r in runs), 1e-9)
-    rows.append(Row("CPU", f"{100 * share:.1f} % of a core", "<= 5 %", share <= 0.05))
+    load = sum(r.cpu_s for r in runs) / max(sum(r.checked_s for r in runs), 1e-9)
+    met = load <= MAX_CPU_FRACTION
+    rows.append(Row("CPU", f"{load:.1%} of a core", f"<= {MAX_CPU_FRACTION:.0%}", met))
     return tuple(rows)
 
 
@@ -246,7 +257,7 @@ def _notes(runs: Sequence[Run]) -> tuple[str, ...]:
         if r.failure:
             out.append(f"seed {r.seed}, {r.kind}: not calibrated: {r.failure}")
         elif r.camera and not r.detected_s <= WITHIN_S:
-            out.append(f"seed {r.seed}, {r.kind}: nothing said of {r.camera}")
+            out.append(f"seed {r.seed}, {r.kind}: no alarm about {r.camera}")
     return tuple(out)
 
 

@@ -1,4 +1,4 @@
-"""Looks at a live node from outside while it works: its topics, its memory, its CPU time."""
+"""Observer of a live node from outside: its topics, its memory, its CPU time."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ from benchmarks.live.figures import Observed, Sample, Solve
 from benchmarks.live.player import Sent
 
 _EVERY_S = 1.0
+"""Seconds between samples."""
 _SPIN_S = 0.05
+"""Longest wait for a ROS event, s."""
 
 
 class Watcher:
-    """A ROS node in this process.
+    """ROS node in this process that observes another one.
 
     Parameters
     ----------
     name : str
-        Of the node that is watched.
+        Name of the observed node.
     pid : int
-        Its process.
+        Process id of the observed node.
     first_after_s, pause_s : float
-        When to ask for the first calibration, and how long after its end for the next.
+        Time of the first request for a calibration, and pause after its end before the next.
     """
 
     def __init__(self, name: str, pid: int, *, first_after_s: float, pause_s: float) -> None:
@@ -59,7 +61,7 @@ class Watcher:
         self._context.shutdown()
 
     def watch(self, seconds: float, *, solving: bool = False) -> None:
-        """Look for so long; with `solving`, ask for one calibration after the other."""
+        """Observe for a time; with `solving`, request one calibration after the other."""
         begin = now = time.monotonic()
         sample_at, ask_at = begin, begin + self._first_after_s
         while now < begin + seconds:
@@ -77,7 +79,7 @@ class Watcher:
                 ask_at = now + self._pause_s
 
     def observed(self, sent: Mapping[str, Sent], status: int, stop_s: float) -> Observed:
-        """All that was seen; the arguments are what the watcher cannot see."""
+        """Return all observations; the arguments are those from elsewhere."""
         of_cameras = {name: self._status.get(f"camera {name}", {}) for name in sent}
         return Observed(
             sent=dict(sent),

@@ -1,4 +1,4 @@
-"""The experiments of Lee, Nishino and Nobuhara (2025), with everything that they compare."""
+"""The experiments of Lee, Nishino and Nobuhara (2025), with their baselines."""
 
 import os
 

@@ -25,10 +25,11 @@ from benchmarks.paper.tables import tables
 
 OUT = Path("out") / "paper"
 _SPREAD_TRIALS = 5
+"""Trials that the standard deviations of the baseline are computed from."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run what is asked for.
+    """Run the requested experiments.
 
     Returns
     -------

@@ -20,15 +20,20 @@ from scipy.spatial.transform import Rotation
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 
 THRESHOLD = 0.15
+"""Distance of unit vectors up to which a correspondence is an inlier; chosen here."""
 _AZIMUTHS = 180
+"""Number of half circles that the axis is searched on."""
 _DESCENT_STEPS = 60
+"""Subgradient steps over the rotation."""
 _FIRST_STEP = 0.2
+"""Length of the first subgradient step, in the unit quaternion."""
 _DECAY = 0.9
+"""Ratio of one step length to the one before."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArcsResult:
-    """What ARCS+ finds.
+    """Result of ARCS+.
 
     Attributes
     ----------
@@ -67,7 +72,7 @@ def arcs(v_a: Float64Array, v_b: Float64Array, *, threshold: float = THRESHOLD) 
 def proposals(
     v_a: Float64Array, known_a: BoolArray, v_b: Float64Array, known_b: BoolArray
 ) -> tuple[Float64Array, Float64Array]:
-    """All pairs of directions of one bone in one frame, whoever they belong to (step N).
+    """All pairs of directions of one bone in one frame, regardless of the person (step N).
 
     Parameters
     ----------
@@ -122,7 +127,7 @@ def rotation_about(
 
 
 def most_stabbed(low: Float64Array, high: Float64Array, *, period: float) -> tuple[float, int]:
-    """Point that lies in most intervals of a circle, and in how many.
+    """Point contained in most intervals of a circle, and the number of these.
 
     Parameters
     ----------
@@ -153,9 +158,9 @@ def descended(R_a_b: Float64Array, v_a: Float64Array, v_b: Float64Array) -> Floa
     step = _FIRST_STEP
     for _ in range(_DESCENT_STEPS):
         turned = v_b @ R.T
-        away = turned - v_a
-        distance = np.linalg.norm(away, axis=1)
-        gradient = (np.cross(turned, away) / np.maximum(distance, 1e-9)[:, None]).mean(0)
+        difference = turned - v_a
+        distance = np.linalg.norm(difference, axis=1)
+        gradient = (np.cross(turned, difference) / np.maximum(distance, 1e-9)[:, None]).mean(0)
         length = float(np.linalg.norm(gradient))
         if length < 1e-12:
             break

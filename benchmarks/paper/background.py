@@ -1,4 +1,4 @@
-"""Points of the background and their matches: what structure from motion has to go by.
+"""Points of the background and their matches, the input of structure from motion.
 
 There are no images. Points lie on the walls and the floor of a room around the cameras; a camera
 that sees one detects it with a pixel of noise, and two cameras match it with a probability that
@@ -12,15 +12,20 @@ import numpy as np
 
 from benchmarks.paper.point_bundle import PointViews
 from stcalib_ros.core.geometry.lens import bearings
+from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.synthetic import SceneRig
-from stcalib_ros.core.synthetic.rigs import image_of
 
 N_POINTS = 4000
+"""Number of points on walls and floor."""
 SIGMA_PX = 1.0
-FALSE_SHARE = 0.2
-MATCH_ANGLE_RAD = np.deg2rad(30.0)
+"""Standard deviation of a detected point, px per axis."""
+FALSE_FRACTION = 0.2
+"""Fraction of matches that are false."""
+HALF_MATCHED_RAD = np.deg2rad(25.0)
+"""Angle between two views at which half of the detections match, rad."""
 _WALL_M = 1.5
+"""Distance of the walls beyond the cameras, m."""
 
 
 def background_views(rng: np.random.Generator, rig: SceneRig) -> PointViews:
@@ -30,7 +35,9 @@ def background_views(rng: np.random.Generator, rig: SceneRig) -> PointViews:
     x = np.zeros((N_POINTS, C, 1, 2))
     seen = np.zeros((N_POINTS, C), dtype=bool)
     for c in range(C):
-        pixels = image_of(points @ rig.R_cam_world[c].T + rig.t_cam_world[c], rig.intrinsics[c])
+        pixels = project_visible(
+            points @ rig.R_cam_world[c].T + rig.t_cam_world[c], rig.intrinsics[c]
+        )
         pixels = pixels + SIGMA_PX * rng.standard_normal(pixels.shape)
         there, _ = bearings(pixels, rig.intrinsics[c])
         seen[:, c] = np.isfinite(there).all(-1)
@@ -56,11 +63,11 @@ def room_points(rng: np.random.Generator, rig: SceneRig, n: int) -> Float64Array
 def _matched(
     rng: np.random.Generator, points: Float64Array, rig: SceneRig, seen: BoolArray
 ) -> BoolArray:
-    """Which detections of a point hang together with another one."""
+    """Detections of a point that match at least one other detection of it."""
     rays = points[:, None] - rig.centres_world
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     angle = np.arccos(np.clip(np.einsum("nca,nda->ncd", rays, rays), -1, 1))
-    likely = np.exp(-((angle / MATCH_ANGLE_RAD) ** 2) * np.log(2.0) * (30.0 / 25.0) ** 2)
+    likely = np.exp(-np.log(2.0) * (angle / HALF_MATCHED_RAD) ** 2)
     hit = rng.uniform(size=angle.shape) < likely
     hit &= seen[:, :, None] & seen[:, None] & ~np.eye(seen.shape[1], dtype=bool)
     return np.asarray((hit | hit.transpose(0, 2, 1)).any(-1))
@@ -70,5 +77,5 @@ def _mismatch(rng: np.random.Generator, x: Float64Array, seen: BoolArray) -> Non
     """Exchange the detections of some points with those of others, camera by camera."""
     for c in range(seen.shape[1]):
         rows = np.flatnonzero(seen[:, c])
-        wrong = rows[rng.uniform(size=len(rows)) < FALSE_SHARE]
+        wrong = rows[rng.uniform(size=len(rows)) < FALSE_FRACTION]
         x[wrong, c] = x[rng.permutation(wrong), c]

@@ -9,7 +9,15 @@ from itertools import combinations
 import numpy as np
 
 from benchmarks.paper.arcs import arcs, proposals
-from benchmarks.paper.reid import RANK_1, embeddings, matched, noise_for, prototypes, relative_pose
+from benchmarks.paper.reid import (
+    MIN_POINTS,
+    RANK_1,
+    embeddings,
+    matched,
+    noise_for,
+    prototypes,
+    relative_pose,
+)
 from stcalib_ros.core.bundle.istba import finish_iteration
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.observations import observe
@@ -38,8 +46,8 @@ from stcalib_ros.core.stages import Stages
 MAX_PROPOSALS = 8000
 """More proposed correspondences than this are thinned out at random before ARCS."""
 
-_MIN_POINTS = 8
 _SHORTEST_M = 1e-3
+"""Shortest baseline that a pair is given, m."""
 
 Register = Callable[
     ["Sampled", int, int, VmfOptions, np.random.Generator], "PairRegistration | None"
@@ -47,13 +55,13 @@ Register = Callable[
 
 
 class Sampled:
-    """All cameras of a synchronised recording on one grid, with the windows to look at.
+    """All cameras of a synchronised recording on one grid, with the windows to use.
 
     Parameters
     ----------
     views : Views
     truth : Calibration
-        Where the appearance of people is simulated from; nothing else looks at it.
+        Truth from which the appearance of people is simulated; not used otherwise.
     starts : (W,) ndarray of int
     """
 
@@ -98,7 +106,7 @@ def by_arcs(
         v_b.reshape(shape_b),
         k_b.reshape(shape_b[:-1]),
     )
-    if len(left) < _MIN_POINTS:
+    if len(left) < MIN_POINTS:
         return None
     keep = rng.permutation(len(left))[:MAX_PROPOSALS]
     R = arcs(left[keep], right[keep]).R_a_b
@@ -111,7 +119,7 @@ def by_arcs(
 def by_reid(
     s: Sampled, a: int, b: int, o: VmfOptions, rng: np.random.Generator
 ) -> PairRegistration | None:
-    """Essential matrix of the people that look alike."""
+    """Essential matrix from people of similar appearance."""
     n_people = len(s.truth.persons)
     looks = prototypes(np.random.default_rng(n_people), n_people + 1)
     noise = noise_for(RANK_1, max(2, n_people))
@@ -148,7 +156,7 @@ def _registration(
     at = s.samples(window)[w]
     x_a, x_b = s.points[a].x[p[:, None], at], s.points[b].x[q[:, None], at]
     both = np.isfinite(x_a + x_b).all(-1)
-    if both.sum() < _MIN_POINTS:
+    if both.sum() < MIN_POINTS:
         return None
     one = np.ones((int(both.sum()), 1))
     t = translation_direction(R, np.hstack([x_a[both], one]), np.hstack([x_b[both], one]))
@@ -159,11 +167,11 @@ def _registration(
 
 
 def _length(s: Sampled, h: RelativePose, matches: IntArray, window: int) -> float:
-    """Length of t, metres, from where the monocular poses stand."""
+    """Length of t, metres, from the positions of the monocular poses."""
     w, p, q = matches.T
     at = s.samples(window)[w]
-    apart = s.points[h.a].body[p[:, None], at] - s.points[h.b].body[q[:, None], at] @ h.R_a_b.T
-    along = apart[np.isfinite(apart).all(-1)] @ h.t_a_b
+    difference = s.points[h.a].body[p[:, None], at] - s.points[h.b].body[q[:, None], at] @ h.R_a_b.T
+    along = difference[np.isfinite(difference).all(-1)] @ h.t_a_b
     return max(abs(float(np.median(along))), _SHORTEST_M) if len(along) else 1.0
 
 
@@ -175,13 +183,13 @@ def baseline_stages(
     Parameters
     ----------
     name : str
-        Of `BASELINES`.
+        Name in `BASELINES`.
     recording : Recording
         Synchronised.
     truth : Calibration
-        For the simulated appearance.
+        Generator for the simulated appearance.
     options : Options
-        Of the paper's method.
+        Options of the paper's method.
     seed : int
     """
     views = lift_views(recording, options)
@@ -213,7 +221,7 @@ def _integrated(
 def _rounds(
     s: Sampled, rig: Rig, pairs: list[PairRegistration], options: Options
 ) -> tuple[Iteration, ...]:
-    """Integration and adjustments; of cameras that fall apart the largest group goes on."""
+    """Integration and adjustments; of disconnected cameras the largest group is kept."""
     lifted, window = s.views.lifted, options.vmf.window
     first = _association(s, rig, pairs, window)
     before = _unadjusted(s, rig, first)

@@ -9,28 +9,30 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.paper.point_bundle import PointViews
 from stcalib_ros.core.geometry.lens import bearings
+from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.synthetic import SceneRig
-from stcalib_ros.core.synthetic.rigs import image_of
 
 CORNERS = (8, 6)
+"""Columns and rows of inner corners of the checkerboard; the paper does not give them."""
 SQUARE_M = 0.06
+"""Side of a square, m; the paper does not give it."""
 _GRAZING = 0.25
 """Least cosine between the normal and the view: flatter views are not detected in practice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardShots:
-    """Boards that were shown to pairs of cameras; every board is seen by two cameras at least.
+    """Boards shown to pairs of cameras; at least two cameras observe each board.
 
     Attributes
     ----------
     pair : (B, 2) ndarray of int
-        For which cameras the board was held up.
+        Pair of cameras that the board was shown to.
     corners_board : (J, 3) ndarray
-        In the frame of the board, metres.
+        Corners in the frame of the board, metres.
     pixels : (B, C, J, 2) ndarray
-        With noise; NaN where a camera does not see the whole board.
+        Corners with noise, px; NaN for cameras that do not see the whole board.
     views : PointViews
         The same points undistorted.
     """
@@ -42,7 +44,7 @@ class BoardShots:
 
     @property
     def seen(self) -> BoolArray:
-        """Which camera sees which board, (B, C)."""
+        """Whether a camera observes a board, (B, C)."""
         return np.asarray(np.isfinite(self.pixels).all((2, 3)))
 
     def for_pair(self, a: int, b: int) -> IntArray:
@@ -51,9 +53,9 @@ class BoardShots:
 
     def of_pairs_only(self) -> PointViews:
         """Views without the cameras that happened to see a board of another pair."""
-        keep = np.zeros_like(self.seen)
+        keep = np.zeros_like(self.observed)
         np.put_along_axis(keep, self.pair, True, axis=1)
-        seen = self.views.seen & keep[:, :, None]
+        seen = self.views.observed & keep[:, :, None]
         return PointViews(np.where(seen[..., None], self.views.x, 0.0), seen, self.views.focal)
 
 
@@ -68,13 +70,13 @@ def show_boards(
     """Hold up boards at random where both cameras of a pair see all of them.
 
     A board is transparent, its corners can be seen from behind: no pair of opposite cameras
-    would otherwise see one. Corners: 8 x 6, 60 mm apart; the paper does not say.
+    would otherwise see one. Corners: 8 x 6, 60 mm spacing; the paper does not give it.
 
     Parameters
     ----------
     rng : Generator
     rig : SceneRig
-        In a world with z up and the people's area around the origin.
+        Cameras in a world with z up, people moving around the origin.
     per_pair : int
     sigma_px : float
         Noise of a corner, per axis.
@@ -101,7 +103,7 @@ def _board_seen_by(
     corners: Float64Array,
     reach: float,
 ) -> Float64Array:
-    """Pixels (C, J, 2) of a random board that both cameras see; NaN for those who do not."""
+    """Pixels (C, J, 2) of a random board observed by both cameras; NaN for the others."""
     while True:
         direction = rng.standard_normal(3)
         middle = reach * rng.uniform() ** (1 / 3) * direction / np.linalg.norm(direction)
@@ -116,7 +118,7 @@ def _board_seen_by(
 
 def _pixels(points: Float64Array, normal: Float64Array, rig: SceneRig, c: int) -> Float64Array:
     ray = points.mean(0) - rig.centres_world[c]
-    out = image_of(points @ rig.R_cam_world[c].T + rig.t_cam_world[c], rig.intrinsics[c])
+    out = project_visible(points @ rig.R_cam_world[c].T + rig.t_cam_world[c], rig.intrinsics[c])
     facing = abs(normal @ ray) >= _GRAZING * np.linalg.norm(ray)
     return out if facing and np.isfinite(out).all() else np.full_like(out, np.nan)
 

@@ -29,7 +29,7 @@ def eight_point(shots: BoardShots, a: int, b: int) -> RelativePose:
     _, R, t, _ = cv2.recoverPose(E, x_b, x_a, np.eye(3))
     R_a_b, t_a_b = as_pose(R, t)
     pair = shots.views.of([a, b])
-    pair = PointViews(pair.x[rows], pair.seen[rows], pair.focal)
+    pair = PointViews(pair.x[rows], pair.observed[rows], pair.focal)
     X = triangulated(pair, rig_of(np.stack([np.eye(3), R_a_b]), np.stack([np.zeros(3), t_a_b]))).X
     return RelativePose(a, b, R_a_b, t_a_b * SQUARE_M / _square(X), 0.0, (), float(len(rows)))
 

@@ -22,7 +22,7 @@ class Experiment:
     tasks : callable
         Tasks of the whole set.
     reduced : callable
-        Of the reduced set, from a trial on: trial 0 is compared with the baseline, the others
+        Tasks of the reduced set, from a trial on: trial 0 is compared with the baseline, the others
         say how far chance moves it.
     by_time : bool
         Times are measured: one task at a time.

@@ -24,6 +24,7 @@ GATED = ("E_R", "E_t", "E_delta", "precision")
 _LEAST = {"E_R": 2e-4, "E_t": 2e-4, "E_delta": 0.02, "precision": 0.01}
 """Differences below these are none, however steady a figure is."""
 _STDDEVS = 2.0
+"""Standard deviations over trials by which a figure may be worse than the baseline."""
 
 Averages = Mapping[str, Mapping[str, float]]
 
@@ -55,7 +56,7 @@ def make_baseline(trials: Sequence[Averages]) -> dict[str, dict[str, dict[str, f
 
 
 def regressions(found: Averages, baseline: Mapping[str, Any]) -> list[str]:
-    """What is worse than the baseline beyond its noise, one line each."""
+    """Figures that are worse than the baseline beyond its noise, one line each."""
     lines = []
     for key, entry in baseline.items():
         if key not in found:

@@ -1,4 +1,4 @@
-"""All cameras of the scenes of Table II: Tables I and II, and what the real recording says."""
+"""All cameras of the scenes of Table II: Tables I and II, and the real recording."""
 
 from __future__ import annotations
 
@@ -39,8 +39,9 @@ SEARCH_S = SEARCH_FRAMES / FPS
 BALANCE = DATA / "pose2sim_balance" / "balance_multi_blazepose.npz"
 BALANCE_SHIFTS_S = {"cam02": 0.317, "cam03": -0.21, "cam04": 0.143}
 _BALANCE_RANGE_S = 1.0
-"""Two of the clocks are more than half a second apart."""
+"""Two of the clocks differ by more than half a second."""
 _BALANCE_FPS = 60.0
+"""Frame rate of the real recording, Hz."""
 
 
 def options_of(method: str, T: int, *, range_s: float, search_offsets: bool = True) -> Options:
@@ -125,10 +126,10 @@ def rig_errors(
     true_s = np.array([c.time_offset_s for c in truth.cameras])
     baseline = float(np.linalg.norm(t[1]))
     ours = t_ref_cam * baseline / np.linalg.norm(t_ref_cam[1])
-    away = np.linalg.norm(ours - t, axis=-1)[1:] / baseline
+    error = np.linalg.norm(ours - t, axis=-1)[1:] / baseline
     return {
         "E_R": float(rotation_angle(np.swapaxes(R, -1, -2) @ R_ref_cam)[1:].mean()),
-        "E_t": float(np.sqrt(np.mean(away**2))),
+        "E_t": float(np.sqrt(np.mean(error**2))),
         "E_delta": float(np.abs(offset_s - true_s)[1:].mean()) * FPS,
     }
 
@@ -153,7 +154,7 @@ def stage_rows(
         row(scene, method, stage, trial, errors, cpu_s=cpu_s, status=status)
         for stage, errors in judged.items()
     ]
-    if not stages.rounds:
+    if not stages.iterations:
         last = "IBA" if options.synchronised else "ISTBA"
         message = stages.calibration.message
         rows.append(row(scene, method, last, trial, None, cpu_s=cpu_s, failure=message))
@@ -167,15 +168,15 @@ def _baseline_rows(
     options = options_of("vmf", T, range_s=0.0)
     stages = baseline_stages(method, recording, truth, options, seed=trial)
     cpu_s = time.process_time() - began
-    if not stages.rounds:
+    if not stages.iterations:
         return [row(scene, method, "IBA", trial, None, cpu_s=cpu_s, failure="nothing to adjust")]
-    before, *after = stages.rounds
+    before, *after = stages.iterations
     rows = []
     for rounds, names in ((before,), ("PR", "MI")), (tuple(after), ("BA", "IBA")):
         if not rounds:
-            rows.append(row(scene, method, "IBA", trial, None, cpu_s=cpu_s, failure="falls apart"))
+            rows.append(row(scene, method, "IBA", trial, None, cpu_s=cpu_s, failure="disconnected"))
             continue
-        judged = judge_stages(replace(stages, rounds=rounds), truth, fps=FPS, synchronised=True)
+        judged = judge_stages(replace(stages, iterations=rounds), truth, fps=FPS, synchronised=True)
         rows += [row(scene, method, n, trial, judged[n], cpu_s=cpu_s) for n in names]
     return rows
 

@@ -30,8 +30,11 @@ from stcalib_ros.core.synthetic import Scene, SceneOptions, paper_scene
 from stcalib_ros.io.mocap import shipped_clips
 
 T = 5
+"""Frames of a window."""
 N_WINDOWS = 20
+"""Windows of a clip."""
 N_FRAMES = 300
+"""Frames of a clip."""
 STEP = 5
 """The full clip: windows one after the other."""
 
@@ -97,8 +100,8 @@ def noise_tasks(
 def noise_rows(name: str, sigma_px: float, trial: int, n_initial: int) -> list[Row]:
     """All methods on one noisy observation, clocks known; all pairs.
 
-    The paper's matching leaves nobody out here, as it is written: a start that leads nowhere then
-    gives a wrong rotation, which counts, and not none, which would be left out of the means.
+    The paper's matching is applied as written, without leaving out persons: a start that fails then
+    gives a wrong rotation, which counts, instead of none, which the means would not include.
     """
     scene = noisy_scene(name, sigma_px=sigma_px, trial=trial, offset_frames=0.0)
     starts = window_starts(N_FRAMES, T, N_WINDOWS)

@@ -1,4 +1,4 @@
-"""Bundle adjustment of points that do not move: what every baseline is refined with.
+"""Bundle adjustment of static points, with which every baseline is refined.
 
 It is the adjustment of the package (`stcalib_ros.core.bundle.levenberg_marquardt`) with velocities
 of zero, so that the rows of a table differ in what they start from and in what was matched, not in
@@ -33,24 +33,24 @@ class PointViews:
     """
 
     x: Float64Array
-    seen: BoolArray
+    observed: BoolArray
     focal: Float64Array
 
     def of(self, cameras: list[int]) -> PointViews:
         """The same seen by some of the cameras."""
-        return PointViews(self.x[:, cameras], self.seen[:, cameras], self.focal[cameras])
+        return PointViews(self.x[:, cameras], self.observed[:, cameras], self.focal[cameras])
 
     def observations(self) -> Observations:
         """In the form that the adjustment of the package takes."""
-        N, C, J = self.seen.shape
+        N, C, J = self.observed.shape
         return Observations(
             person=np.arange(N),
-            knot=np.zeros(N, dtype=np.int64),
+            time_bin=np.zeros(N, dtype=np.int64),
             track=np.zeros((N, C), dtype=np.int64),
             phi=np.zeros((N, C)),
             x=self.x,
             focal=np.broadcast_to(self.focal[:, None], (N, C, J)).copy(),
-            seen=self.seen,
+            observed=self.observed,
             start_s=0.0,
             step_s=1.0,
         )
@@ -64,10 +64,10 @@ class PointBundle:
     ----------
     rig : Rig
     X : (N, J, 3) ndarray
-        In the frame of the first camera; 0 where unknown.
+        Points in the frame of the first camera; 0 where unknown.
     known : (N, J) ndarray of bool
     mean_px, rms_px : float
-        Of the reprojection errors of the points in use.
+        Reprojection errors of the inlier points, px.
     """
 
     rig: Rig
@@ -84,7 +84,7 @@ def rig_of(R_ref_cam: Float64Array, t_ref_cam: Float64Array) -> Rig:
 
 
 def triangulated(views: PointViews, rig: Rig) -> PointBundle:
-    """Points where the rays of the cameras meet; nothing is adjusted."""
+    """Triangulate the points; nothing is adjusted."""
     o = views.observations()
     return _result(o, initial_state(o, rig), rig)
 
@@ -107,9 +107,9 @@ def adjusted(
     state = initial_state(o, rig)
     if max_px is not None:
         with np.errstate(invalid="ignore"):
-            good = o.seen & (errors_px(o, state) < max_px)
-        state = replace(state, used=good & (good.sum(1) >= 2)[:, None])
-    if not state.used.any():
+            good = o.observed & (errors_px(o, state) < max_px)
+        state = replace(state, inlier=good & (good.sum(1) >= 2)[:, None])
+    if not state.inlier.any():
         return _result(o, state, rig)
     state = adjust(o, state, iterations=iterations, tolerance=1e-3)
     R_ref_cam = np.swapaxes(state.R_cam_ref, -1, -2)
@@ -119,7 +119,7 @@ def adjusted(
 
 def _result(o: Observations, state: BundleState, rig: Rig) -> PointBundle:
     errors = errors_px(o, state)
-    used = errors[state.used & np.isfinite(errors)]
+    used = errors[state.inlier & np.isfinite(errors)]
     mean = float(used.mean()) if len(used) else float("nan")
     rms = float(np.sqrt(np.mean(used**2))) if len(used) else float("nan")
-    return PointBundle(rig, state.X, state.used.sum(1) >= 2, mean, rms)
+    return PointBundle(rig, state.X, state.inlier.sum(1) >= 2, mean, rms)

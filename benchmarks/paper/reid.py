@@ -1,8 +1,8 @@
-"""ReID-Calib: who is who by appearance, then the essential matrix (Xu, Li, Weng and Kitani 2021).
+"""ReID-Calib: people matched by appearance, then the essential matrix (Xu et al. 2021).
 
-"Wide-Baseline Multi-Camera Calibration using Person Re-Identification", CVPR 2021: boxes are
-matched across views by a re-identification network, the matches become point correspondences,
-and RANSAC on the essential matrix gives the relative pose.
+Xu, Li, Weng and Kitani, "Wide-Baseline Multi-Camera Calibration using Person Re-Identification",
+CVPR 2021: boxes are matched across views by a re-identification network, the matches become point
+correspondences, and RANSAC on the essential matrix gives the relative pose.
 
 Assumed here: there are no images, so that the embeddings are simulated, with the rate at which the
 nearest embedding of the other view is the right person stated (`RANK_1`). People are matched
@@ -27,10 +27,15 @@ RANK_1 = 0.8
 """How often the nearest embedding is the right one; networks trained elsewhere reach about that."""
 
 _DIMENSIONS = 64
+"""Dimensions of a simulated appearance embedding."""
 _TRIALS = 400
+"""Pairs of views from which the rank-1 rate is measured."""
 _RANSAC_PX = 3.0
+"""Distance from the epipolar line up to which a keypoint is an inlier, px."""
 _EXPLAINED = 0.5
-_MIN_POINTS = 8
+"""Fraction of inlier keypoints from which a match is kept."""
+MIN_POINTS = 8
+"""Correspondences from which a pair is registered (eight-point algorithm)."""
 
 
 def embeddings(
@@ -42,7 +47,7 @@ def embeddings(
 
 
 def prototypes(rng: np.random.Generator, n_people: int) -> Float64Array:
-    """What the people look like, (P, D)."""
+    """Appearance of each person, (P, D)."""
     e = rng.standard_normal((n_people, _DIMENSIONS))
     return np.asarray(e / np.linalg.norm(e, axis=1, keepdims=True))
 
@@ -103,7 +108,7 @@ def relative_pose(
     p, q = np.array(matches, dtype=np.int64).reshape(-1, 2).T
     left, right = x_a[p], x_b[q]
     both = np.isfinite(left).all(-1) & np.isfinite(right).all(-1)
-    if both.sum() < _MIN_POINTS:
+    if both.sum() < MIN_POINTS:
         return None
     E, mask = cv2.findEssentialMat(
         right[both], left[both], np.eye(3), cv2.RANSAC, 0.999, _RANSAC_PX / focal, maxIters=1000
@@ -113,12 +118,12 @@ def relative_pose(
     _, R, t, mask = cv2.recoverPose(E, right[both], left[both], np.eye(3), mask=mask)
     inlier = mask.ravel() > 0
     explained = _share(both, inlier)
-    kept = tuple(m for m, share in zip(matches, explained, strict=True) if share >= _EXPLAINED)
+    kept = tuple(m for m, ratio in zip(matches, explained, strict=True) if ratio >= _EXPLAINED)
     return RelativePose(a, b, *as_pose(R, t), 0.0, kept, float(mask.sum() > 0) * float(both.sum()))
 
 
 def _share(both: BoolArray, inlier: BoolArray) -> Float64Array:
-    """Of the correspondences of each match, how many are inliers."""
+    """Fraction of the correspondences of each match that are inliers."""
     count = np.zeros(both.shape)
     count[both] = inlier
     return np.asarray(count.sum((1, 2)) / np.maximum(both.sum((1, 2)), 1))

@@ -51,7 +51,7 @@ def write_report(out: Path) -> None:
 
 
 def read_notes() -> dict[str, str]:
-    """What is said about each experiment, by its name; and the introduction."""
+    """Read the notes on each experiment, by its name, and the introduction."""
     text = (Path(__file__).parent / "notes.md").read_text(encoding="utf-8")
     _, *pieces = _SECTION.split(text)
     return {name: body.strip() + "\n" for name, body in zip(pieces[::2], pieces[1::2], strict=True)}

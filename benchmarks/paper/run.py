@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.table import finite
 from stcalib_ros.core.evaluation.stage_errors import Errors
 
 Row = dict[str, Any]
@@ -50,7 +51,7 @@ def run_tasks(tasks: Sequence[Task], store: Path, *, jobs: int, name: str) -> li
             file.write("\n")
         for n, (task, rows) in enumerate(_finished(left, jobs), 1):
             done[task.key] = rows
-            file.write(json.dumps({"key": task.key, "rows": [_finite(row) for row in rows]}) + "\n")
+            file.write(json.dumps({"key": task.key, "rows": [finite(row) for row in rows]}) + "\n")
             file.flush()
             elapsed = time.monotonic() - began
             progress = f"{name}: {n} of {len(left)} in {elapsed:.0f} s, {task.key}"
@@ -88,17 +89,9 @@ def _finished(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, list[Row
 
 
 def row(scene: str, method: str, stage: str, trial: int, errors: Errors | None, **more: Any) -> Row:
-    """One row: what was run, and its errors (none: it failed)."""
+    """Return one row: the run and its errors (None: it failed)."""
     figures = {} if errors is None else asdict(errors)
     return {"scene": scene, "method": method, "stage": stage, "trial": trial} | figures | more
-
-
-def _finite(row_: Row) -> dict[str, Any]:
-    """Replace what JSON has no number for by null."""
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in row_.items()
-    }
 
 
 def figures(rows: Sequence[Row], name: str) -> list[float]:

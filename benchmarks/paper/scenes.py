@@ -1,4 +1,4 @@
-"""Stand-ins for the scenes of the paper's Table II: its people and cameras, motion of our own.
+"""Substitutes for the scenes of the paper's Table II: its people and cameras, motion of our own.
 
 The paper's recordings cannot be shipped. Each scene here has as many people and cameras as its
 namesake, motion capture for the people, and cameras of a real rig of the same kind where the
@@ -30,8 +30,10 @@ SEARCH_FRAMES = 10
 """Offsets are searched within plus and minus this."""
 
 FPS = 30.0
+"""Frame rate of the simulated scenes, Hz."""
 
 _MAX_WIDTH = 1920
+"""Width to which larger images are scaled down, px: keypoint noise is given at this size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ class PaperScene:
     Attributes
     ----------
     name, dataset : str
-        As in the paper.
+        Names as in the paper.
     n_people : int
     T : int
         Frames of a window, 5 to 15.
@@ -152,7 +154,7 @@ def lifted_scene(
 ) -> Scene:
     """The scene as a detector and a lifter report it, synchronised.
 
-    Key points with 3 px of noise per axis and a bias that depends on the view; monocular poses
+    Keypoints with 3 px of noise per axis and a bias that depends on the view; monocular poses
     30-60 mm and 3 degrees off, with crop perspective; people hide one another.
     """
     options = SceneOptions(

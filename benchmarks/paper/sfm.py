@@ -18,9 +18,13 @@ from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.rig import Rig
 
 _MIN_INLIERS = 30
+"""Inlier matches that the first pair needs."""
 _MIN_PNP_INLIERS = 15
+"""Inlier points that a further camera needs."""
 _MIN_ANGLE_RAD = np.deg2rad(5.0)
+"""Smallest median triangulation angle of the first pair, rad."""
 _RANSAC_PX = 4.0
+"""Reprojection error up to which a match is an inlier, px."""
 
 
 class SfmFailure(RuntimeError):
@@ -40,19 +44,19 @@ def incremental_sfm(views: PointViews, *, max_px: float = 4.0) -> PointBundle:
     Returns
     -------
     PointBundle
-        In the frame of camera 0; unit: the distance of the first two cameras.
+        Cameras and points in the frame of camera 0; unit: the distance of the first two cameras.
 
     Raises
     ------
     SfmFailure
     """
     done, R, t = _first_pair(views)
-    n_cameras = views.seen.shape[1]
+    n_cameras = views.observed.shape[1]
     order = list(done)
     bundle = adjusted(views.of(order), rig_of(R, t), max_px=max_px)
     while len(order) < n_cameras:
         counts = {
-            c: int((bundle.known & views.seen[:, c]).sum())
+            c: int((bundle.known & views.observed[:, c]).sum())
             for c in range(n_cameras)
             if c not in order
         }
@@ -70,9 +74,9 @@ def incremental_sfm(views: PointViews, *, max_px: float = 4.0) -> PointBundle:
 
 
 def _first_pair(views: PointViews) -> tuple[tuple[int, int], Float64Array, Float64Array]:
-    """The pair with most inliers among those whose rays meet at five degrees or more."""
+    """Return the pair with most inliers among those with a large enough triangulation angle."""
     best: tuple[int, tuple[int, int], Float64Array, Float64Array] | None = None
-    for a, b in combinations(range(views.seen.shape[1]), 2):
+    for a, b in combinations(range(views.observed.shape[1]), 2):
         found = essential(views, a, b)
         if found is None:
             continue
@@ -99,7 +103,7 @@ def essential(
     angle : float
         Median angle at which the rays of the inliers meet, rad.
     """
-    both = views.seen[:, a] & views.seen[:, b]
+    both = views.observed[:, a] & views.observed[:, b]
     x_a, x_b = views.x[:, a][both], views.x[:, b][both]
     if len(x_a) < _MIN_PNP_INLIERS:
         return None
@@ -133,7 +137,7 @@ def _registered(
     SQPnP (Terzakis and Lourakis 2020): of points on one plane, as the floor is, OpenCV's EPnP
     returns the mirrored pose, which has them all behind the camera.
     """
-    use = bundle.known & views.seen[:, camera]
+    use = bundle.known & views.observed[:, camera]
     if use.sum() < _MIN_PNP_INLIERS:
         raise SfmFailure(f"camera {camera} sees {int(use.sum())} of the points known so far")
     threshold = _RANSAC_PX / float(views.focal[camera])

@@ -1,6 +1,6 @@
-"""Table IV and the times: checkerboards against people, and what either method costs.
+"""Table IV and the times: checkerboards against people, and the cost of each method.
 
-The adjustment (BA) after boards treats their corners as free points, for all three alike.
+The adjustment (BA) after boards treats their corners as free points, for all three.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def table4_tasks(n_trials: int, n_people: int) -> list[Task]:
 
 
 def unbiased_rows(trial: int) -> list[Row]:
-    """The default where key points have noise alone, as the corners of the boards do."""
+    """The default with unbiased keypoints, as the corners of the boards do."""
     scene = scene_named(SCENE)
     made = lifted_scene(scene, trial=trial, bias_mm=0.0)
     options = options_of("correlation", scene.T, range_s=0.0)

@@ -1,4 +1,4 @@
-"""Rows of an experiment as tables, what the paper prints beside what was measured here."""
+"""Rows of an experiment as tables, the printed values of the paper beside ours."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchmarks.paper.run import Row, figures
 PRINTED: Mapping[str, Any] = json.loads(
     (Path(__file__).parent / "printed.json").read_text(encoding="utf-8")
 )
-"""The paper's tables; its P is the share of points within five pixels with the true poses."""
+"""The paper's tables; its P is the fraction of points within five pixels with the true poses."""
 
 UNITS = {
     "E_R": "E_R rad",
@@ -26,7 +26,7 @@ UNITS = {
     "precision": "P assoc.",
 }
 SUCCESS_RAD = 0.1
-_CAMERAS = 4
+"""Rotation error up to which a registration counts as successful, rad."""
 
 
 def tables(name: str, rows: Sequence[Row]) -> str:
@@ -172,7 +172,7 @@ def _peers(_: str, rows: Sequence[Row]) -> str:
 
 
 def _failed(group: Sequence[Row]) -> str:
-    """Registrations that gave nothing, and so have no part in the means."""
+    """Number of registrations that failed and are not part of the means."""
     return f"{sum(r.get('E_R') is None for r in group)} of {len(group)}"
 
 
@@ -199,7 +199,7 @@ def _reduced(
 
 
 def _pair(printed: float | None, measured: float | None) -> str:
-    """Measured, and in brackets what the paper prints."""
+    """Format a measured value, with the printed one of the paper in brackets."""
     text = _number(measured)
     return text if printed is None else f"{text} [{printed:g}]"
 

@@ -35,6 +35,7 @@ from stcalib_ros.core.registration.resampling import common_step
 from stcalib_ros.core.synthetic import SceneRig as World
 
 _ROUNDS = 8
+"""Rounds of the adjustment."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +61,7 @@ def calibrate_vo(
     Parameters
     ----------
     rng : Generator
-        For the background.
+        Generator for the background.
     recording : Recording
     truth : Calibration
         Only its persons are used: the associations are given.
@@ -84,7 +85,7 @@ def calibrate_vo(
         state = drop_outliers(observations, state, options.bundle)
         state = adjust(observations, state, iterations=12, tolerance=0.1)
         rig = _rig_of(state, rig)
-    errors = errors_px(observations, state)[state.used]
+    errors = errors_px(observations, state)[state.inlier]
     return VoResult(rig, float(errors.mean()), float(np.sqrt(np.mean(errors**2))))
 
 

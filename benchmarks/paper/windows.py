@@ -50,14 +50,14 @@ def register_on_windows(
         Frame k of a is compared with the frames k - max_lag .. k + max_lag of b, counted from the
         same stamp; 0: synchronised.
     rng : numpy.random.Generator
-        Of the paper's initial rotations; the default method needs none.
+        Generator for the paper's initial rotations; the default method needs none.
     refine : bool
-        Default method only: refine on the key points of the windows, to fractions of a frame.
+        Default method only: refine on the keypoints of the windows, to fractions of a frame.
 
     Returns
     -------
     PairRegistration or None
-        None where nobody can be matched.
+        None if no person can be matched.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def register_on_windows(
 
 
 def _only_windows(camera: LiftedCamera, starts: IntArray, window: int, step: float) -> LiftedCamera:
-    """A camera that knows nothing of its tracks outside of the windows."""
+    """Camera without the parts of its tracks outside the windows."""
     frame = np.rint((camera.stamps - camera.stamps[0]) / step).astype(np.int64)
     inside = np.isin(frame, (starts[:, None] + np.arange(window)).ravel())
     return replace(camera, tracks=tuple(_seen(t, inside[t.frames]) for t in camera.tracks))

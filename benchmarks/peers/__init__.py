@@ -1,1 +1,1 @@
-"""Other people's programs on the same scenes, each in an environment of its own."""
+"""Other calibration programs on the same scenes, each in an environment of its own."""

@@ -32,20 +32,21 @@ from stcalib_ros.io.mocap import shipped_clips
 OUT = Path("out")
 ADAPTERS = Path(__file__).parent / "adapters"
 BIAS_MM = {"unbiased key points": 0.0, "key points off by 20 mm": 20.0}
-"""Kinds of scenes: how far key points are off, by the side from which a person is seen."""
+"""Kinds of scenes, with their view-dependent keypoint bias, mm (rms per axis)."""
 _LIMIT_S = 600.0
+"""Seconds after which a program counts as failed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """A program of somebody else.
+    """Another calibration program.
 
     Attributes
     ----------
     name, version : str
-        Of the package.
+        Name and version of the package.
     given : str
-        What it is told that the default finds by itself.
+        Inputs that it needs and ours estimates.
     """
 
     name: str
@@ -103,7 +104,7 @@ def environment(peer: Peer) -> Path:
 
 
 def scene_of(kind: str, trial: int) -> Scene:
-    """Four cameras, three people, 300 synchronised frames, key points 3 px, a usual lifter."""
+    """Simulate 4 cameras, 3 people, 300 synchronized frames, 3 px of noise, an average lifter."""
     options = SceneOptions(
         n_frames=300,
         fps=FPS,
@@ -125,7 +126,7 @@ def default_rows(kind: str, trial: int) -> list[Row]:
 
 
 def peer_rows(peer: Peer, python: Path, kind: str, trial: int) -> list[Row]:
-    """One peer on one scene; why not, where it fails."""
+    """Run one peer on one scene; on failure, the row has the reason."""
     scene = scene_of(kind, trial)
     with tempfile.TemporaryDirectory() as folder:
         source, result = Path(folder) / "scene.npz", Path(folder) / "result.npz"
@@ -150,7 +151,7 @@ def peer_rows(peer: Peer, python: Path, kind: str, trial: int) -> list[Row]:
 
 
 def write_scene(scene: Scene, path: Path) -> None:
-    """Key points (C, P, T, J, 2) and 3D poses (C, P, T, J, 3) by true person, with the lenses."""
+    """Write keypoints (C, P, T, J, 2), 3D poses (C, P, T, J, 3) by true person, and the lenses."""
     cameras = scene.recording.cameras
     P, F = len(scene.people), len(cameras[0].stamps)
     J = cameras[0].layout.n_joints
@@ -173,7 +174,7 @@ def write_scene(scene: Scene, path: Path) -> None:
 
 
 def judged(scene: Scene, found: dict[str, np.ndarray]) -> dict[str, float]:
-    """Errors of what a peer gave: poses, or numbers of frames."""
+    """Errors of the result of a peer: poses, or time offsets in frames."""
     if "late_frames" in found:
         return {"E_delta": float(np.abs(found["late_frames"][1:] - OFFSET_FRAMES).mean())}
     R, t = found["R_cam_world"], found["t_cam_world"]

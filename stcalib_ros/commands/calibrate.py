@@ -55,6 +55,19 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
     parser.add_argument(
         "--report", type=Path, metavar="OUT.html", help="also write a report with pictures"
     )
+    _add_option_arguments(parser)
+    parser.add_argument(
+        "--jobs",
+        type=count,
+        default=1,
+        metavar="N",
+        help="processes that share the pairs of cameras; the result is the same (default: 1)",
+    )
+    parser.add_argument("-q", "--quiet", action="store_true", help="print warnings and errors only")
+
+
+def _add_option_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add those that are options of the calibration, too."""
     parser.add_argument(
         "--reference",
         metavar="CAM",
@@ -81,18 +94,10 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
     )
     parser.add_argument("--seed", type=int, metavar="N", help="same seed, same result (default: 0)")
     parser.add_argument(
-        "--jobs",
-        type=count,
-        default=1,
-        metavar="N",
-        help="processes that share the pairs of cameras; the result is the same (default: 1)",
-    )
-    parser.add_argument(
         "--json",
         action="store_true",
         help="print one JSON object instead of text: status, reasons, cameras",
     )
-    parser.add_argument("-q", "--quiet", action="store_true", help="print warnings and errors only")
 
 
 def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:

@@ -1,4 +1,4 @@
-"""What the commands print: progress, and results in plain words."""
+"""What the commands print: progress, warnings and results."""
 
 from __future__ import annotations
 
@@ -12,9 +12,19 @@ from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.rejection_text import whole_sentences
-from stcalib_ros.core.model.rolling_shutter import line_time_text
+from stcalib_ros.wording import (
+    clock_text,
+    count,
+    decimals,
+    frame_text,
+    length_unit,
+    margin_text,
+    plus_minus,
+    scale_text,
+)
 
 _BAR = 24
+"""Characters. Width of the progress bar."""
 
 
 def warn(message: str) -> None:
@@ -37,7 +47,7 @@ class ProgressPrinter:
         self._shown = ""
 
     def __call__(self, stage: str, fraction: float) -> None:
-        """Take note that `fraction` of `stage` is done."""
+        """Show that `fraction` of `stage` is done."""
         if self._live:
             done = round(_BAR * min(max(fraction, 0.0), 1.0))
             bar = "#" * done + "." * (_BAR - done)
@@ -52,7 +62,7 @@ class ProgressPrinter:
         warn(message)
 
     def close(self) -> None:
-        """Take the line away."""
+        """Clear the line."""
         if self._live and self._shown:
             self._replace("")
 
@@ -64,7 +74,7 @@ class ProgressPrinter:
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:
-    """Columns of text, aligned to the left; the first row is the head."""
+    """Return columns of text, aligned to the left; the first row is the head."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = (
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
@@ -74,7 +84,7 @@ def table(rows: Sequence[Sequence[str]]) -> str:
 
 
 def calibration_text(calibration: Calibration) -> str:
-    """Say for a person what was found.
+    """Describe a calibration for a person to read.
 
     Raises
     ------
@@ -82,11 +92,11 @@ def calibration_text(calibration: Calibration) -> str:
         There are no cameras in it.
     """
     if not calibration.cameras:
-        raise ValueError("a calibration without cameras has nothing to tell")
+        raise ValueError("a calibration without cameras has nothing to describe")
     n, n_all = len(calibration.cameras), len(calibration.cameras) + len(calibration.uncalibrated)
     head = (
-        f"{n} of {n_all} cameras calibrated on {_count(len(calibration.persons), 'person')}, "
-        f"{calibration.n_inliers} of {calibration.n_observations} image points, "
+        f"{n} of {n_all} cameras calibrated on {count(len(calibration.persons), 'person')}, "
+        f"{calibration.n_inliers} of {calibration.n_observations} observations, "
         f"reprojection error {calibration.reprojection_rms_px:.2f} px (rms)."
     )
     parts = [head, _cameras(calibration), _directions(calibration)]
@@ -98,32 +108,17 @@ def calibration_text(calibration: Calibration) -> str:
     return "\n\n".join(parts)
 
 
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"
-
-
 def _directions(calibration: Calibration) -> str:
-    ref = calibration.reference
-    frame = f"the optical frame of {ref} (x right, y down, z forward)"
-    if calibration.frame_id:
-        frame = f"{calibration.frame_id} (z up, floor at 0, below {ref}, which looks along x)"
     return (
-        f"Poses are T_ref_cam: where a camera is and looks in {frame}, in {_unit(calibration)}.\n"
-        f"Add a camera's offset to its stamps to have the clock of {ref}: "
+        f"Poses are T_ref_cam: where a camera is and looks in {frame_text(calibration)}, "
+        f"in {scale_text(calibration)}.\n"
+        f"Add a camera's offset to its stamps to have the clock of {calibration.reference}: "
         "t_ref = t_cam + offset. +- is one standard deviation."
     )
 
 
-def _unit(calibration: Calibration) -> str:
-    if not calibration.metric:
-        return "distances between the first two cameras"
-    if not np.isfinite(calibration.scale_stddev):
-        return "metres"
-    return f"metres (good to {100 * calibration.scale_stddev:.2g} %)"
-
-
 def _cameras(calibration: Calibration) -> str:
-    unit = "m" if calibration.metric else "baselines"
+    unit = length_unit(calibration.metric)
     head = ("camera", f"position x y z [{unit}]", "looks along x y z", "turned", "clock offset")
     return table([head, *(_camera_row(c, calibration.reference) for c in calibration.cameras)])
 
@@ -134,31 +129,13 @@ def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
     turned = f"{float(np.degrees(rotation_angle(camera.R_ref_cam))):.1f} deg"
     variances = np.maximum(np.diag(camera.covariance), 0.0)
     if variances.any() or camera.name != reference:
-        position += _plus_minus(np.sqrt(variances[:3].sum()), 3)
-        turned += _plus_minus(np.degrees(np.sqrt(variances[3:].sum())), 2)
-    if camera.name == reference:
-        clock = "reference" + line_time_text(camera)
-        return (camera.name, position, looks_along, turned, clock)
-    offset = f"{camera.time_offset_s * 1e3:+.2f} ms"
-    offset += _plus_minus(camera.time_offset_stddev_s * 1e3, 2)
-    if camera.clock_skew:
-        offset += f", {camera.clock_skew * 1e6:+.2f} ppm"
-        offset += _plus_minus(camera.clock_skew_stddev * 1e6, 2)
-    return (
-        camera.name,
-        position,
-        looks_along,
-        turned,
-        offset + line_time_text(camera),
-    )
-
-
-def _plus_minus(stddev: float, digits: int) -> str:
-    return f" +- {stddev:.{digits}f}" if np.isfinite(stddev) else ""
+        position += plus_minus(float(np.sqrt(variances[:3].sum())), 3)
+        turned += plus_minus(float(np.degrees(np.sqrt(variances[3:].sum()))), 2)
+    return (camera.name, position, looks_along, turned, clock_text(camera, reference))
 
 
 def _triple(values: Float64Array, digits: int) -> str:
-    return " ".join(f"{v + 0.0:{digits + 4}.{digits}f}" for v in np.round(values, digits))
+    return " ".join(text.rjust(digits + 4) for text in decimals(values, digits))
 
 
 def _persons(calibration: Calibration) -> str:
@@ -173,7 +150,7 @@ def _persons(calibration: Calibration) -> str:
                 str(person.person_id),
                 tracks,
                 f"{rms:.2f} px" if np.isfinite(rms) else "-",
-                f"{person.margin:.1f} x worse" if np.isfinite(person.margin) else "-",
+                margin_text(person.margin),
             )
         )
     return table(rows)

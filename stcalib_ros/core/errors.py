@@ -1,4 +1,4 @@
-"""What can go wrong, as types: the command line maps them to exit statuses 2 and 3."""
+"""Errors that the package raises; the command line maps them to exit statuses 2 and 3."""
 
 
 class StcalibError(Exception):

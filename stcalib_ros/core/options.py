@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, TypeVar
+from numbers import Integral, Real
+from typing import Any, NamedTuple, TypeVar
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.scale_cues import Distance, distances_from_list
@@ -13,6 +14,18 @@ METHODS = ("correlation", "vmf")
 """Ways to register a pair of cameras: the default, and the paper's own."""
 
 INITIAL_ROTATIONS = ("random", "candidates")
+
+
+class Range(NamedTuple):
+    """Least and greatest value of an option; both are allowed, and both are finite."""
+
+    low: float
+    high: float
+
+
+def _within(default: Any, low: float, high: float) -> Any:
+    """Field of an options record with its default and its range."""
+    return field(default=default, metadata={"range": Range(low, high)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,22 +39,23 @@ class RegistrationOptions:
         own method, with its multi-view integration and adjustment as well; see `VmfOptions`. The
         other options here are those of "correlation".
     min_overlap : int
-        Samples that two tracks must share at a lag for it to count.
+        Minimum number of common samples of two tracks at a lag.
     n_candidates : int
-        Best (track, track, lag) triples that vote.
+        Number of the best (track, track, lag) triples that vote.
     n_hypotheses : int
-        Distinct hypotheses kept of a pair of cameras.
+        Number of distinct hypotheses kept of a pair of cameras.
     n_refined : int
-        How many of them are refined on the key points.
+        Number of them that are refined on the keypoints.
     """
 
     method: str = "correlation"
-    min_overlap: int = 12
-    n_candidates: int = 200
-    n_hypotheses: int = 12
-    n_refined: int = 5
+    min_overlap: int = _within(12, 2, 10_000)
+    n_candidates: int = _within(200, 1, 100_000)
+    n_hypotheses: int = _within(12, 1, 1000)
+    n_refined: int = _within(5, 1, 1000)
 
     def __post_init__(self) -> None:
+        _require_valid(self, "registration.")
         _require_one_of("registration.method", self.method, METHODS)
 
 
@@ -68,30 +82,65 @@ class VmfOptions:
     no_match_rad : float
         Persons whose bones differ by more on average are not matched.
     turn_poses : bool
-        Turn monocular poses onto their key points first, as the default method does.
+        Turn monocular poses onto their keypoints first, as the default method does.
     """
 
-    window: int = 15
-    n_windows: int = 20
-    n_hypothesised: int = 2
+    window: int = _within(15, 2, 10_000)
+    n_windows: int = _within(20, 1, 10_000)
+    n_hypothesised: int = _within(2, 0, 100)
     initial: str = "random"
-    n_starts: int = 10
+    n_starts: int = _within(10, 1, 10_000)
     search_offsets: bool = True
-    no_match_rad: float = 0.5
+    no_match_rad: float = _within(0.5, 0.01, 3.2)
     turn_poses: bool = False
 
     def __post_init__(self) -> None:
+        _require_valid(self, "vmf.")
         _require_one_of("vmf.initial", self.initial, INITIAL_ROTATIONS)
-        for name, low in {"window": 2, "n_windows": 1, "n_hypothesised": 0, "n_starts": 1}.items():
-            if getattr(self, name) < low:
-                raise InputError(f"vmf.{name} must be at least {low}, got {getattr(self, name)}")
-        if not self.no_match_rad > 0:
-            raise InputError(f"vmf.no_match_rad must be above 0, got {self.no_match_rad}")
+
+
+def _require_valid(record: Any, prefix: str) -> None:
+    """Check type, finiteness and range of every option of one record.
+
+    Raises
+    ------
+    InputError
+        One is unusable; the message names the key, the value and what is expected.
+    """
+    for one in fields(record):
+        value, key = getattr(record, one.name), f"{prefix}{one.name}"
+        if (kind := _KINDS.get(str(one.type))) is not None and not kind.accepts(value):
+            raise InputError(f"option {key}: expected {kind.name}, got {value!r}")
+        if (bounds := one.metadata.get("range")) and not bounds.low <= value <= bounds.high:
+            raise InputError(
+                f"option {key} must be {bounds.low:.12g} to {bounds.high:.12g}, got {value!r}"
+            )
+
+
+class _Kind(NamedTuple):
+    """Type of an option: what an error message calls it, and the classes that it accepts."""
+
+    name: str
+    classes: tuple[type, ...]
+
+    def accepts(self, value: object) -> bool:
+        """Return whether a value is of this type; a bool is no number."""
+        return isinstance(value, self.classes) and (bool in self.classes) >= isinstance(value, bool)
+
+
+_KINDS = {
+    "bool": _Kind("bool", (bool,)),
+    "int": _Kind("int", (Integral,)),
+    "float": _Kind("float", (Real,)),
+    "str": _Kind("text", (str,)),
+    "str | None": _Kind("text", (str, type(None))),
+}
+"""Kinds by the annotation of the field."""
 
 
 def _require_one_of(name: str, value: str, known: Sequence[str]) -> None:
     if value not in known:
-        raise InputError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+        raise InputError(f"option {name} must be one of {', '.join(known)}, got {value!r}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +153,10 @@ class IntegrationOptions:
         Random spanning trees tried over the pair hypotheses.
     """
 
-    n_trees: int = 300
+    n_trees: int = _within(300, 1, 100_000)
+
+    def __post_init__(self) -> None:
+        _require_valid(self, "integration.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,41 +175,36 @@ class BundleOptions:
         But never below this.
     """
 
-    rounds: int = 5
-    max_iterations: int = 12
-    outlier_factor: float = 3.0
-    outlier_floor_px: float = 12.0
+    rounds: int = _within(5, 1, 100)
+    max_iterations: int = _within(12, 1, 1000)
+    outlier_factor: float = _within(3.0, 1.0, 100.0)
+    outlier_floor_px: float = _within(12.0, 0.0, 1000.0)
+
+    def __post_init__(self) -> None:
+        _require_valid(self, "bundle.")
 
 
 @dataclass(frozen=True, slots=True)
 class ScaleOptions:
-    """What says how long a metre is; all of it together, each by its deviation.
+    """Scale cues, fused by their standard deviations.
 
     Attributes
     ----------
     poses_sigma : float
-        How far the size of 3D poses that are said to be metric may be off, as a share.
+        Relative standard deviation of the size of metric 3D poses.
     body_height_m, body_height_sigma_m : float
-        Mean height of the people, and its deviation for one of them; 0: not known.
+        Mean height of the people and its standard deviation for one of them; 0: not known.
     distances : tuple of Distance
         Known distances.
     """
 
-    poses_sigma: float = 0.1
-    body_height_m: float = 0.0
-    body_height_sigma_m: float = 0.09
+    poses_sigma: float = _within(0.1, 1e-4, 1.0)
+    body_height_m: float = _within(0.0, 0.0, 3.0)
+    body_height_sigma_m: float = _within(0.09, 1e-3, 1.0)
     distances: tuple[Distance, ...] = ()
 
     def __post_init__(self) -> None:
-        if not self.poses_sigma > 0 or not self.body_height_sigma_m > 0:
-            raise InputError(
-                "scale: deviations must be above 0, got poses_sigma "
-                f"{self.poses_sigma} and body_height_sigma_m {self.body_height_sigma_m}"
-            )
-        if self.body_height_m < 0:
-            raise InputError(
-                f"scale.body_height_m must be above 0, or 0: not known; got {self.body_height_m}"
-            )
+        _require_valid(self, "scale.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,9 +221,9 @@ class Options:
     min_score : float
         Joints with a lower score are not used.
     min_common_frames : int
-        Images that two cameras must share in time.
+        Minimum number of images of two cameras that can overlap in time.
     seed : int
-        Of the random spanning trees.
+        Seed of the random spanning trees.
     world_frame : str
         Name of a frame with z up and the floor at 0 to express the poses in; empty: they are in
         the frame of the reference camera.
@@ -188,10 +235,10 @@ class Options:
     """
 
     reference: str | None = None
-    offset_range_s: float = 2.0
-    min_score: float = 0.3
-    min_common_frames: int = 12
-    seed: int = 0
+    offset_range_s: float = _within(2.0, 0.0, 3600.0)
+    min_score: float = _within(0.3, 0.0, 1.0)
+    min_common_frames: int = _within(12, 2, 10_000)
+    seed: int = _within(0, 0, 2**31)
     registration: RegistrationOptions = field(default_factory=RegistrationOptions)
     vmf: VmfOptions = field(default_factory=VmfOptions)
     integration: IntegrationOptions = field(default_factory=IntegrationOptions)
@@ -201,8 +248,7 @@ class Options:
     estimate_line_time: bool = False
 
     def __post_init__(self) -> None:
-        if not self.offset_range_s >= 0:
-            raise InputError(f"offset_range_s must be at least 0, got {self.offset_range_s}")
+        _require_valid(self, "")
         if self.estimate_line_time and self.registration.method == "vmf":
             raise InputError(
                 "estimate_line_time: registration.method vmf takes line times as they are given; "
@@ -218,13 +264,32 @@ class Options:
 _T = TypeVar("_T")
 
 
+def option_ranges() -> dict[str, Range]:
+    """Return the ranges of all options that have one, by key.
+
+    Examples
+    --------
+    >>> option_ranges()["bundle.rounds"]
+    Range(low=1, high=100)
+    """
+    defaults = Options()
+    groups = {f"{f.name}.": getattr(defaults, f.name) for f in fields(defaults)}
+    records = {"": defaults} | {key: group for key, group in groups.items() if is_dataclass(group)}
+    return {
+        f"{prefix}{one.name}": one.metadata["range"]
+        for prefix, record in records.items()
+        for one in fields(record)
+        if "range" in one.metadata
+    }
+
+
 def options_from_mapping(given: Mapping[str, Any]) -> Options:
     """Options from a nested mapping, as a YAML file gives it.
 
     Raises
     ------
     InputError
-        A key is unknown or a value has the wrong type; the message lists what there is.
+        A key is unknown, or a value has the wrong type or is out of its range.
     """
     return _overlay(Options(), given, "")
 
@@ -246,16 +311,6 @@ def _converted(default: Any, value: Any, path: str) -> Any:
         return _overlay(default, value, path + ".")
     if isinstance(default, tuple):
         return distances_from_list(value, path)
-    if isinstance(default, bool) or isinstance(value, bool):
-        fits = isinstance(default, bool) and isinstance(value, bool)
-    elif default is None:
-        fits = value is None or isinstance(value, str)
-    elif isinstance(default, float):
-        fits = isinstance(value, int | float)
-        value = float(value) if fits else value
-    else:
-        fits = isinstance(value, type(default))
-    if fits:
-        return value
-    wanted = "text" if default is None else type(default).__name__
-    raise InputError(f"option {path}: expected {wanted}, got {value!r}")
+    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    return value

@@ -133,6 +133,7 @@ def run_stages(
         solution.iterations,
         calibration,
         alignment,
+        solution.joint_covariance,
     )
 
 

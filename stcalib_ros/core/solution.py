@@ -120,14 +120,16 @@ def _solve(problem: CalibrationProblem, start: Start) -> Solution:
     iterations, exclusions = _iterate(problem, start)
     problem.control.tick_iteration(1.0, iterations[-1])
     unsettled = unsettled_cameras(iterations)
-    iterations, covariance = refine(
+    refined = refine(
         views.lifted,
         iterations,
         views.skeleton.layout,
         options.bundle,
-        estimate_line_delay=options.estimate_line_time,
+        estimate_line_delays=options.estimate_line_time,
     )
-    return check_solution(problem, iterations, covariance, exclusions, unsettled=unsettled)
+    covariance = refined.covariance.poses_and_offsets()
+    found = check_solution(problem, refined.iterations, covariance, exclusions, unsettled=unsettled)
+    return replace(found, joint_covariance=refined.covariance)
 
 
 def check_solution(

@@ -10,7 +10,6 @@ from typing import Any
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
-from stcalib_ros.io.decode import decode
 from stcalib_ros.io.mcap_source import (
     RawMessage,
     TopicSchema,
@@ -18,6 +17,7 @@ from stcalib_ros.io.mcap_source import (
     raw_messages,
     topic_schemas,
 )
+from stcalib_ros.io.message_types import Content, decode, types_of
 from stcalib_ros.io.messages import (
     CameraInfoFields,
     PoseImage,
@@ -25,7 +25,7 @@ from stcalib_ros.io.messages import (
     format_stamp,
     pose_image,
 )
-from stcalib_ros.io.schemas import POSES, require_same_schema
+from stcalib_ros.io.schemas import require_same_schema
 from stcalib_ros.io.topics import CameraSelection, SelectedCamera, select_cameras
 
 Progress = Callable[[str, float], None]
@@ -173,10 +173,11 @@ class _Contents:
 def _types_by_topic(path: Path | str, schemas: Sequence[TopicSchema]) -> dict[str, str]:
     if not schemas:
         raise InputError(f"{path} is an empty bag: it has no topics")
+    poses = types_of(Content.POSES)
     types: dict[str, str] = {}
     for s in schemas:
         other = types.setdefault(s.topic, s.type_name)
-        if other != s.type_name and POSES in (other, s.type_name):
+        if other != s.type_name and (other in poses or s.type_name in poses):
             raise InputError(f"{s.topic} has two types in the bag: {other} and {s.type_name}")
     return types
 
@@ -195,7 +196,7 @@ def _require_readable(schemas: Iterable[TopicSchema], cameras: Iterable[Selected
         try:
             text = s.schema.decode()
         except UnicodeDecodeError as error:
-            raise InputError(f"{s.topic}: the definition of {s.type_name} is no text") from error
+            raise InputError(f"{s.topic}: the definition of {s.type_name} is not text") from error
         require_same_schema(s.topic, s.type_name, text)
 
 

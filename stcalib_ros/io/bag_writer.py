@@ -16,8 +16,8 @@ from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.recording import CameraRecording, Intrinsics, Recording, Track
 from stcalib_ros.io.cdr import CdrWriter
 from stcalib_ros.io.files import atomic_path, require_writable
+from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, TYPES
 from stcalib_ros.io.messages import NS
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES, schema_text
 
 _INFO_EVERY_NS = NS
 
@@ -106,8 +106,8 @@ def _write_file(topics: Mapping[str, str], messages: Sequence[_Message], path: P
         writer = Writer(stream, compression=CompressionType.ZSTD)
         writer.start(profile="ros2", library=f"stcalib_ros {__version__}")
         schemas = {
-            kind: writer.register_schema(kind, "ros2msg", schema_text(kind).encode())
-            for kind in (POSES, CAMERA_INFO)
+            kind: writer.register_schema(kind, "ros2msg", TYPES[kind].schema_text().encode())
+            for kind in (PERSON_POSES.name, CAMERA_INFO.name)
         }
         metadata = {"offered_qos_profiles": _QOS}
         channels = {
@@ -128,8 +128,8 @@ def _write_file(topics: Mapping[str, str], messages: Sequence[_Message], path: P
 def _topics(recording: Recording) -> dict[str, str]:
     topics = {}
     for camera in recording.cameras:
-        topics[f"/{camera.name}/camera_info"] = CAMERA_INFO
-        topics[f"/{camera.name}/person_poses"] = POSES
+        topics[f"/{camera.name}/camera_info"] = CAMERA_INFO.name
+        topics[f"/{camera.name}/person_poses"] = PERSON_POSES.name
     return topics
 
 

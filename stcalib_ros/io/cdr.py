@@ -99,7 +99,7 @@ class CdrReader:
 
     def __init__(self, data: bytes) -> None:
         if len(data) < len(_HEADER) or data[0] != 0 or data[1] > 1:
-            raise ValueError(f"no plain CDR: it begins with {data[:4]!r}")
+            raise ValueError(f"not plain CDR: it begins with {data[:4]!r}")
         self._data = data
         self._at = len(_HEADER)
         self._order = "<" if data[1] else ">"

@@ -1,4 +1,4 @@
-"""Other people's files to recordings: multi-view ``.npz`` files with detected poses."""
+"""Multi-view ``.npz`` files with detected poses, made into recordings."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ from stcalib_ros.core.model.calibration import (
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS, Layout, find_layout
 from stcalib_ros.core.model.recording import (
     CameraRecording,
-    Intrinsics,
-    LensModel,
     Recording,
     Track,
 )
+from stcalib_ros.io.lens_model import opencv_intrinsics
 from stcalib_ros.io.messages import NS
 
 _NEEDED = (
@@ -46,7 +45,7 @@ class ConvertOptions:
     Attributes
     ----------
     clock_shifts_s : mapping of str to float
-        Added to the stamps of a camera. If the reference camera's clock is not shifted, the
+        Seconds added to the stamps of a camera. If the reference camera's clock is not shifted, the
         camera's true ``time_offset_s`` is the negative of it: ``t_ref = t_cam + time_offset_s``.
     fps : float or None
         Frame rate; None: that of the source.
@@ -63,7 +62,7 @@ class ConvertOptions:
 
 
 class Converted(NamedTuple):
-    """A recording and what is known to be true of it."""
+    """A recording and its true values."""
 
     recording: Recording
     truth: Calibration
@@ -111,7 +110,10 @@ def convert_arrays(path: Path, arrays: Arrays, options: ConvertOptions | None = 
     layout = _layout(path, arrays, options.layout)
     fps = _frame_rate(path, arrays, options.fps)
     shifts = [options.clock_shifts_s.get(name, 0.0) for name in names]
-    lenses = [_lens(arrays, c) for c in range(len(names))]
+    lenses = [
+        opencv_intrinsics(*(arrays[key][c] for key in ("image_size", "K", "dist")))
+        for c in range(len(names))
+    ]
     frames = arrays["frame_number"] - arrays["frame_number"][0]
     true_ns = np.round(frames * (NS / fps)).astype(np.int64)
     first_ns = options.start_s * NS + min(round(s * NS) for s in shifts)
@@ -145,9 +147,9 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except (ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path} is no readable .npz file: {error}") from error
+        raise InputError(f"{path} is not a readable .npz file: {error}") from error
     if missing := [name for name in _NEEDED if name not in arrays]:
-        raise InputError(f"{path} is no multi-view file: it lacks {', '.join(missing)}")
+        raise InputError(f"{path} is not a multi-view file: it lacks {', '.join(missing)}")
     if "det_kp3d" not in arrays:
         raise InputError(
             f"{path} has no 3D poses (det_kp3d): the calibration needs the monocular 3D pose of "
@@ -204,13 +206,6 @@ def _frame_rate(path: Path, arrays: Arrays, wanted: float | None) -> float:
     if not (math.isfinite(fps) and fps > 0):
         raise InputError(f"{path}: frame rate is {fps}; give it with --fps")
     return fps
-
-
-def _lens(arrays: Arrays, camera: int) -> Intrinsics:
-    width, height = (int(n) for n in arrays["image_size"][camera])
-    D = np.asarray(arrays["dist"][camera], dtype=np.float64)
-    model = LensModel.PLUMB_BOB if D.size <= 5 else LensModel.RATIONAL_POLYNOMIAL
-    return Intrinsics(width, height, model, np.asarray(arrays["K"][camera], dtype=np.float64), D)
 
 
 def _tracks(arrays: Arrays, camera: int) -> tuple[Track, ...]:

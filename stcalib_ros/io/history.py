@@ -10,10 +10,8 @@ from pathlib import Path
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.io.files import write_text
+from stcalib_ros.io.limits import MAX_FILES
 from stcalib_ros.io.results import read_result, result_text
-
-MAX_FILES = 1000
-"""`History.export` adds no file to a folder that has as many."""
 
 _NAME = re.compile(r"calibration\.(\d{6})(\.withdrawn)?\.yaml")
 
@@ -131,7 +129,9 @@ class History:
     def _below(self, name: str) -> Path:
         relative = Path(name)
         if not name or "\0" in name or relative.is_absolute() or ".." in relative.parts:
-            raise InputError(f"{name!r} is no path below the results folder: no '/' first, no '..'")
+            raise InputError(
+                f"{name!r} is not a path below the results folder: no '/' first, no '..'"
+            )
         if relative.suffix != ".yaml" or relative.name.startswith("calibration."):
             raise InputError(
                 f"{name!r}: name a file that ends in .yaml and does not begin with 'calibration.'"

@@ -61,7 +61,7 @@ def bag_files(path: Path) -> tuple[Path, ...]:
     if not files:
         others = sorted(p.name for p in path.iterdir())
         raise InputError(
-            f"{path} is no bag: it has neither metadata.yaml nor .mcap files, but "
+            f"{path} is not a bag: it has neither metadata.yaml nor .mcap files, but "
             f"{', '.join(others[:5]) or 'nothing'}"
         )
     return files
@@ -73,7 +73,7 @@ def topic_schemas(files: Sequence[Path]) -> tuple[TopicSchema, ...]:
     Raises
     ------
     InputError
-        A file is empty, cut off, damaged or no MCAP file.
+        A file is empty, cut off, damaged or not an MCAP file.
     """
     found: dict[TopicSchema, None] = {}
     for path in files:
@@ -175,7 +175,7 @@ def _require_mcap(path: Path, stream: IO[bytes]) -> None:
     if head.startswith(_SQLITE):
         raise InputError(f"{path} is an SQLite bag; {_TO_MCAP}")
     if not _MAGIC.startswith(head[: len(_MAGIC)]):
-        raise InputError(f"{path} is no MCAP file: it begins with {head[:8]!r}")
+        raise InputError(f"{path} is not an MCAP file: it begins with {head[:8]!r}")
     stream.seek(-min(len(_MAGIC), stream.seek(0, 2)), 2)
     size = stream.tell() + len(_MAGIC)
     if stream.read() != _MAGIC or size <= len(_MAGIC):
@@ -208,5 +208,5 @@ def _bag_information(metadata: Path) -> Mapping[str, Any]:
     content = read_yaml(metadata)
     info = content.get(_INFO) if isinstance(content, Mapping) else None
     if not isinstance(info, Mapping):
-        raise InputError(f"{metadata} is no rosbag2 metadata: it has no {_INFO}")
+        raise InputError(f"{metadata} is not rosbag2 metadata: it has no {_INFO}")
     return info

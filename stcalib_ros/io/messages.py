@@ -38,7 +38,7 @@ class PoseImage:
     frame_id : str
     layout : Layout
     rectified : bool
-        The key points are those of the rectified image.
+        The keypoints are those of the rectified image.
     metric : bool
         The 3D poses are in metres.
     track_ids : (P,) ndarray of int
@@ -154,7 +154,7 @@ def camera_info_fields(message: Any) -> CameraInfoFields:
 
 @lru_cache(maxsize=256)
 def lens(info: CameraInfoFields, *, rectified: bool, topic: str) -> Intrinsics:
-    """Intrinsics of the pixels that the key points are given in.
+    """Intrinsics of the pixels that the keypoints are given in.
 
     Raises
     ------

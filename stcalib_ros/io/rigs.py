@@ -1,4 +1,4 @@
-"""Camera rigs of JSON files."""
+"""Camera rigs from JSON files."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.synthetic import SceneRig
+from stcalib_ros.io.lens_model import opencv_intrinsics
 
 
 def read_rig(path: Path) -> SceneRig:
@@ -35,12 +36,9 @@ def read_rig(path: Path) -> SceneRig:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no camera rig ({type(error).__name__}: {error})") from error
+        raise InputError(f"{path} is not a camera rig ({type(error).__name__}: {error})") from error
 
 
 def _lens(camera: dict[str, Any]) -> Intrinsics:
-    width, height = (int(n) for n in camera["image_size"])
-    D = np.array(camera["dist"], dtype=np.float64)
-    model = LensModel.PLUMB_BOB if D.size <= 5 else LensModel.RATIONAL_POLYNOMIAL
     K = np.array(camera["K"], dtype=np.float64).reshape(3, 3)
-    return Intrinsics(width, height, model, K, D)
+    return opencv_intrinsics(camera["image_size"], K, np.array(camera["dist"], dtype=np.float64))

@@ -1,4 +1,4 @@
-"""Message definitions as bags carry them, and the comparison with ours.
+"""The comparison of message definitions in a bag with ours.
 
 A changed definition can decode without an error into wrong numbers, so the text in the bag is
 compared before anything is decoded.
@@ -10,46 +10,7 @@ import difflib
 import re
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.msgdefs import definition
-
-POSES = "stcalib_ros/msg/PersonPose3DArray"
-CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
-
-_SEPARATOR = "=" * 80
-
-_FOREIGN = {
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
-    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
-    "sensor_msgs/RegionOfInterest": (
-        "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n"
-    ),
-    "sensor_msgs/CameraInfo": (
-        "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\n"
-        "float64[] d\nfloat64[9] k\nfloat64[9] r\nfloat64[12] p\n"
-        "uint32 binning_x\nuint32 binning_y\nRegionOfInterest roi\n"
-    ),
-}
-"""Definitions of other packages, as ROS 2 Jazzy has them (fields only)."""
-
-
-def schema_text(schema_name: str) -> str:
-    """Text to write into a bag for a message type, definitions of its fields' types included.
-
-    Parameters
-    ----------
-    schema_name : str
-        `POSES` or `CAMERA_INFO`.
-    """
-    if schema_name == CAMERA_INFO:
-        top = _FOREIGN["sensor_msgs/CameraInfo"]
-        used = ["std_msgs/Header", "builtin_interfaces/Time", "sensor_msgs/RegionOfInterest"]
-        blocks = [(name, _FOREIGN[name]) for name in used]
-    else:
-        top = definition(schema_name.rsplit("/", 1)[-1])
-        used = ["std_msgs/Header", "builtin_interfaces/Time"]
-        blocks = [(name, _FOREIGN[name]) for name in used]
-        blocks.append(("stcalib_ros/PersonPose3D", definition("PersonPose3D")))
-    return top + "".join(f"{_SEPARATOR}\nMSG: {name}\n{text}" for name, text in blocks)
+from stcalib_ros.io.message_types import TYPES
 
 
 def require_same_schema(topic: str, schema_name: str, text: str) -> None:
@@ -58,10 +19,11 @@ def require_same_schema(topic: str, schema_name: str, text: str) -> None:
     Parameters
     ----------
     topic : str
-        For the message.
+        For error messages.
     schema_name : str
+        One of `stcalib_ros.io.message_types.TYPES`.
     text : str
-        Of the bag, with the definitions of the fields' types after lines of ``=``.
+        Definition in the bag, with those of the fields' types after lines of ``=``.
 
     Raises
     ------
@@ -73,7 +35,8 @@ def require_same_schema(topic: str, schema_name: str, text: str) -> None:
             f"{topic}: the bag has no definition of {schema_name} to compare with ours; "
             "record it where stcalib_ros is built and sourced"
         )
-    ours, theirs = _blocks(schema_name, schema_text(schema_name)), _blocks(schema_name, text)
+    ours = _blocks(schema_name, TYPES[schema_name].schema_text())
+    theirs = _blocks(schema_name, text)
     differences = [
         f"{name}: {line}"
         for name, fields in ours.items()

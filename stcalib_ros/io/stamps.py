@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.model.clocks import clock_correction
 from stcalib_ros.io.messages import NS
 
 _STAMP_AT = 4
@@ -51,7 +52,23 @@ class ClockCorrection:
 
     def apply(self, stamp_ns: int) -> int:
         """Stamp by the reference clock, nanoseconds; integers, so that nothing is rounded away."""
-        return stamp_ns + round(self.offset_s * NS + self.skew * (stamp_ns - self.epoch_ns))
+        since_epoch_ns = float(stamp_ns - self.epoch_ns)
+        return stamp_ns + round(clock_correction(self.offset_s * NS, self.skew, since_epoch_ns))
+
+    def camera_time(self, reference_s: float) -> float:
+        """Return the camera's stamp, seconds, of a time by the reference clock.
+
+        Examples
+        --------
+        >>> ClockCorrection(1.0, skew=0.5).camera_time(4.0)
+        2.0
+        """
+        epoch_s = self.epoch_ns / NS
+        return epoch_s + (reference_s - epoch_s - self.offset_s) / (1.0 + self.skew)
+
+
+SAME_CLOCK = ClockCorrection(0.0)
+"""Of a camera whose clock is the reference, or whose offset is not known."""
 
 
 def corrections_of(calibration: Calibration) -> dict[str, ClockCorrection]:
@@ -93,8 +110,8 @@ def _form(data: bytes) -> str:
     form = _FORMS.get(int.from_bytes(data[:2], "big")) if len(data) >= _STAMP_END else None
     if form is None:
         raise InputError(
-            f"{len(data)} bytes that begin with {data[:4].hex(' ') or 'nothing'} are no message in "
-            "plain CDR with a header"
+            f"{len(data)} bytes that begin with {data[:4].hex(' ') or 'nothing'} are not a message "
+            "in plain CDR with a header"
         )
     return form
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES
+from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, Content, types_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +46,27 @@ class CameraSelection:
 
 @dataclass(frozen=True, slots=True)
 class SelectedCamera:
-    """A camera, the topics that serve it, and the line time of its shutter."""
+    """A camera and the topics that serve it.
+
+    Attributes
+    ----------
+    name : str
+    pose_topic, info_topic : str
+    frame : str or None
+        Optical frame; None: the frame_id of the poses.
+    line_time_s : float
+        Line delay of its shutter, seconds per row.
+    pose_type, info_type : str
+        Types of the topics, of `stcalib_ros.io.message_types.TYPES`.
+    """
 
     name: str
     pose_topic: str
     info_topic: str
     frame: str | None
     line_time_s: float = 0.0
+    pose_type: str = PERSON_POSES.name
+    info_type: str = CAMERA_INFO.name
 
 
 def selection_from_mapping(cameras: object, camera: object) -> CameraSelection:
@@ -115,8 +129,8 @@ def select_cameras(
 ) -> tuple[SelectedCamera, ...]:
     """Cameras of the topics that there are.
 
-    A topic of type `POSES` is a camera; its name is the topic's namespace
-    (``/site/cam0/person_poses``: ``site/cam0``), its lens the ``camera_info`` beside it.
+    A topic whose type gives poses is a camera; its name is the topic's namespace
+    (``/site/cam0/person_poses``: ``site/cam0``), its intrinsics the ``camera_info`` beside it.
 
     Parameters
     ----------
@@ -135,7 +149,7 @@ def select_cameras(
     if unknown := [name for name in timed if name not in pose_topics]:
         raise InputError(
             f"line_time_s of camera {unknown[0]}: no person poses of it; "
-            f"the bag has {_listing(types_by_topic, POSES)}"
+            f"the bag has {_listing(types_by_topic, Content.POSES)}"
         )
     wanted = selection.cameras
     if wanted is None:
@@ -143,16 +157,25 @@ def select_cameras(
     if missing := [name for name in wanted if name not in pose_topics]:
         raise InputError(
             f"no person poses of camera {', '.join(missing)}; "
-            f"the bag has {_listing(types_by_topic, POSES)}"
+            f"the bag has {_listing(types_by_topic, Content.POSES)}"
         )
     cameras = []
     for name in wanted:
         own = selection.camera.get(name, CameraTopics())
         pose_topic = pose_topics[name]
         info_topic = own.info_topic or pose_topic.rpartition("/")[0] + "/camera_info"
-        _require_type(types_by_topic, info_topic, CAMERA_INFO, f"camera {name}")
-        line_s = own.line_time_s or 0.0
-        cameras.append(SelectedCamera(name, pose_topic, info_topic, own.frame, line_s))
+        _require_type(types_by_topic, info_topic, Content.INTRINSICS, f"camera {name}")
+        cameras.append(
+            SelectedCamera(
+                name=name,
+                pose_topic=pose_topic,
+                info_topic=info_topic,
+                frame=own.frame,
+                line_time_s=own.line_time_s or 0.0,
+                pose_type=types_by_topic[pose_topic],
+                info_type=types_by_topic[info_topic],
+            )
+        )
     return tuple(cameras)
 
 
@@ -172,13 +195,14 @@ def _pose_topics(types_by_topic: Mapping[str, str], selection: CameraSelection) 
     """Pose topics by camera name."""
     own = {n: t.pose_topic for n, t in selection.camera.items() if t.pose_topic is not None}
     for name, topic in own.items():
-        _require_type(types_by_topic, topic, POSES, f"camera {name}")
+        _require_type(types_by_topic, topic, Content.POSES, f"camera {name}")
+    poses = types_of(Content.POSES)
     by_convention = [
-        t for t, kind in types_by_topic.items() if kind == POSES and t not in own.values()
+        t for t, kind in types_by_topic.items() if kind in poses and t not in own.values()
     ]
     if not own and not by_convention:
         raise InputError(
-            f"no topic of type {POSES}; the bag has {_listing(types_by_topic)}; "
+            f"no topic of type {' or '.join(poses)}; the bag has {_listing(types_by_topic)}; "
             "record the pose estimator's output, or make a bag with `stcalib convert`"
         )
     by_name = dict(own)
@@ -195,23 +219,28 @@ def _pose_topics(types_by_topic: Mapping[str, str], selection: CameraSelection) 
     return by_name
 
 
-def _require_type(types_by_topic: Mapping[str, str], topic: str, kind: str, whose: str) -> None:
-    actual = types_by_topic.get(topic)
-    if actual == kind:
+def _require_type(
+    types_by_topic: Mapping[str, str], topic: str, content: Content, whose: str
+) -> None:
+    wanted, actual = types_of(content), types_by_topic.get(topic)
+    if actual in wanted:
         return
+    names = " or ".join(name.rpartition("/")[2] for name in wanted)
     problem = "there is no such topic" if actual is None else f"its type is {actual}"
     raise InputError(
-        f"{whose}: no {kind.rpartition('/')[2]} on {topic}: {problem}; the bag has "
-        f"{_listing(types_by_topic, kind)}"
+        f"{whose}: no {names} on {topic}: {problem}; the bag has "
+        f"{_listing(types_by_topic, content)}"
     )
 
 
-def _listing(types_by_topic: Mapping[str, str], kind: str | None = None) -> str:
-    topics = sorted(t for t, k in types_by_topic.items() if kind in (None, k))
+def _listing(types_by_topic: Mapping[str, str], content: Content | None = None) -> str:
+    wanted = () if content is None else types_of(content)
+    kinds = " or ".join(wanted)
+    topics = sorted(t for t, k in types_by_topic.items() if content is None or k in wanted)
     if not topics:
-        return "no topics" if kind is None else f"no topic of type {kind}"
-    if kind is not None:
-        return f"{kind} on {', '.join(topics)}"
+        return "no topics" if content is None else f"no topic of type {kinds}"
+    if content is not None:
+        return f"{kinds} on {', '.join(topics)}"
     return ", ".join(f"{t} ({types_by_topic[t]})" for t in topics)
 
 

@@ -30,7 +30,7 @@ def read_yaml(path: Path) -> Any:
     Raises
     ------
     InputError
-        The file cannot be read, is no YAML, or gives a key twice.
+        The file cannot be read, is not YAML, or gives a key twice.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -39,7 +39,7 @@ def read_yaml(path: Path) -> Any:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is no text file") from error
+        raise InputError(f"{path} is not a text file") from error
     return parse_yaml(text, str(path))
 
 
@@ -49,9 +49,9 @@ def parse_yaml(text: str, what: str) -> Any:
     Raises
     ------
     InputError
-        It is no YAML, or gives a key twice.
+        It is not YAML, or gives a key twice.
     """
     try:
         return yaml.load(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError(f"{what} is no valid YAML: {' '.join(str(error).split())}") from error
+        raise InputError(f"{what} is not valid YAML: {' '.join(str(error).split())}") from error

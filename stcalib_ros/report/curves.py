@@ -54,13 +54,14 @@ def liveliest_movement(stages: Stages, room: Room) -> Movement | None:
     """The joint with the most up and down in the most cameras; None if there is none.
 
     A height is that of the point on the camera's own line of sight which is nearest to the
-    triangulated joint: the camera's own key points tell it, the others only how far away the
-    joint is. Of long recordings only the liveliest few seconds are in it.
+    triangulated joint: it follows from the camera's own keypoints, and only its distance from the
+    others. Of long recordings only the liveliest few seconds are in it.
     """
     best: tuple[float, Movement] | None = None
     if stages.placement is None:
         return None
-    for person, rows in zip(stages.calibration.persons, person_rows(stages), strict=True):
+    all_rows = person_rows(stages.lifted, stages.iterations[-1])
+    for person, rows in zip(stages.calibration.persons, all_rows, strict=True):
         sights = _sights(stages, stages.placement, room, rows)
         for j, joint in enumerate(stages.skeleton.layout.joint_names):
             if not any(limb in joint for limb in _LIMBS):
@@ -119,26 +120,26 @@ class _Sights:
 
 
 def _sights(stages: Stages, placement: WorldAlignment, room: Room, rows: IntArray) -> _Sights:
-    last = stages.rounds[-1]
-    o, state = last.observations, last.state
-    elapsed = o.phi[rows] + state.shift_s
-    X = at_images(o, state, rows)
-    known = (state.used[rows].sum(1) >= 2)[:, None] & o.seen[rows]
+    last = stages.iterations[-1]
+    obs, state = last.observations, last.state
+    elapsed = obs.phi[rows] + state.shift_s
+    X = at_images(obs, state, rows)
+    known = (state.inlier[rows].sum(1) >= 2)[:, None] & obs.observed[rows]
     heights = np.full(known.shape, np.nan)
     for c, R_ref_cam in enumerate(last.rig.R_ref_cam):
-        centre, direction = last.rig.t_ref_cam[c], _directions(o, rows, c) @ R_ref_cam.T
+        centre, direction = last.rig.t_ref_cam[c], _directions(obs, rows, c) @ R_ref_cam.T
         along = ((X[:, c] - centre) * direction).sum(-1, keepdims=True)
         point = room.placed(placement.to_result(centre + along * direction))
         heights[:, c] = np.where(known[:, c], point[..., 2], np.nan)
-    times = o.start_s + o.knot[rows][:, None] * o.step_s + elapsed
-    times = np.where(o.track[rows] >= 0, times, np.nan)
+    times = obs.start_s + obs.time_bin[rows][:, None] * obs.step_s + elapsed
+    times = np.where(obs.track[rows] >= 0, times, np.nan)
     names = [stages.lifted[c].name for c in last.rig.cameras]
     order = [names.index(camera.name) for camera in stages.calibration.cameras]
     return _Sights(heights[:, order], (times - last.rig.offset_s)[:, order], times[:, order])
 
 
-def _directions(o: Observations, rows: IntArray, c: int) -> Float64Array:
+def _directions(obs: Observations, rows: IntArray, c: int) -> Float64Array:
     """Unit directions (N, J, 3) to the joints in the optical frame of camera c."""
-    x = o.x[rows, c]
+    x = obs.x[rows, c]
     b = np.concatenate([x, np.ones_like(x[..., :1])], -1)
     return np.asarray(b / np.linalg.norm(b, axis=-1, keepdims=True))

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stcalib_ros.core.bundle.residuals import errors_px
-from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.arrays import Float32Array
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.report.style import PALETTE
 
@@ -21,15 +21,15 @@ _OUTLIER = "#C3C9CF"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraErrors:
-    """Reprojection errors of one camera, px: of image points that fit, and of the others."""
+    """Reprojection errors of one camera, px, of inliers and outliers."""
 
     name: str
-    inliers: Float64Array
-    outliers: Float64Array
+    inliers: Float32Array
+    outliers: Float32Array
 
     @property
-    def share(self) -> float:
-        """Image points that fit, as a share of all."""
+    def inlier_fraction(self) -> float:
+        """Inliers as a fraction of all observations."""
         return len(self.inliers) / max(len(self.inliers) + len(self.outliers), 1)
 
 
@@ -37,10 +37,10 @@ def camera_errors(stages: Stages) -> tuple[CameraErrors, ...]:
     """Errors of the last round, in the order of the calibration."""
     if not stages.calibration.cameras:
         return ()
-    last = stages.rounds[-1]
+    last = stages.iterations[-1]
     errors = errors_px(last.observations, last.state)
     known = np.isfinite(errors)
-    inside, outside = known & last.state.used, known & ~last.state.used
+    inside, outside = known & last.state.inlier, known & ~last.state.inlier
     names = [stages.lifted[c].name for c in last.rig.cameras]
     return tuple(
         CameraErrors(camera.name, errors[:, c][inside[:, c]], errors[:, c][outside[:, c]])
@@ -63,7 +63,7 @@ def errors_figure(cameras: Sequence[CameraErrors]) -> Figure:
             continue
         _histogram(ax, cameras[i], PALETTE[i % len(PALETTE)], limit)
         if i % n_columns == 0:
-            ax.set_ylabel("image points")
+            ax.set_ylabel("observations")
         if i + n_columns >= len(cameras):
             ax.set_xlabel("reprojection error [px]")
             ax.tick_params(labelbottom=True)
@@ -80,7 +80,7 @@ def _histogram(ax: Axes, camera: CameraErrors, color: str, limit: float) -> None
         ax.text(
             0.98,
             0.95,
-            f"median {np.median(camera.inliers):.1f} px\n{camera.share:.0%} fit",
+            f"median {np.median(camera.inliers):.1f} px\n{camera.inlier_fraction:.0%} inliers",
             transform=ax.transAxes,
             ha="right",
             va="top",

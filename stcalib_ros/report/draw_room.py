@@ -21,9 +21,13 @@ from stcalib_ros.report.style import FLOOR, FLOOR_LINES, INK, PEOPLE, camera_col
 from stcalib_ros.report.view import View, best_view, crown, frustum_depth
 
 _MOMENTS = 4
+"""Time steps at which people are drawn; the captions name the number."""
 _FAINTEST = 0.2
+"""Opacity of the first of them."""
+_MIN_KNOWN = 0.5
+"""Fraction of the joints. A person is drawn at a time step if more of them are known."""
 _NAMED = 4
-"""More people than these have their numbers alone."""
+"""People. With more, labels are their numbers alone."""
 _FACE = {
     *(f"{side}_{part}" for side in ("left", "right") for part in ("eye", "ear")),
     *(f"{side}_eye_{part}" for side in ("left", "right") for part in ("inner", "outer")),
@@ -31,14 +35,17 @@ _FACE = {
 }
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
 _LABEL_DISTANCE = 11.0
+"""Points. From what is labelled to the label."""
+_BESIDE = 0.5
+"""Sine. A label that is off by more than this in a direction stands beside its object there."""
 _ABOVE = 30.0
-_RISE = 3.0
-_CLEARANCE = 4.0
-_MAX_RISES = 12
+"""Drawing order of labels: above everything else."""
+_RISE, _CLEARANCE, _MAX_RISES = 3.0, 4.0, 12
+"""Points, points and steps. Labels that overlap are raised step by step until there is a gap."""
 
 
 def draw_room(ax: Axes, room: Room) -> None:
-    """Draw cameras as frusta, people at a few moments with the ways of their feet, and the floor.
+    """Draw cameras as frusta, people at a few time steps, the paths of their feet, the floor.
 
     True cameras, where given, are thin outlines.
     """
@@ -61,7 +68,7 @@ def draw_room(ax: Axes, room: Room) -> None:
         ax.update_datalim(text.get_window_extent().transformed(ax.transData.inverted()).corners())
     ax.autoscale_view()
     ax.apply_aspect()
-    _part_labels([text for text in reversed(ax.texts) if isinstance(text, Annotation)])
+    _separate_labels([text for text in reversed(ax.texts) if isinstance(text, Annotation)])
 
 
 def _floor(ax: Axes, room: Room, view: View) -> None:
@@ -105,11 +112,11 @@ def _person(ax: Axes, person: Person, name: str, view: View, color: str) -> None
 
 
 def _moments(person: Person) -> list[int]:
-    """Of every part of the time the moment at which most of the person is known."""
+    """Of every part of the time, the step at which most joints of the person are known."""
     known = np.isfinite(person.joints[..., 0]).mean(1)
     parts = np.array_split(np.arange(len(known)), _MOMENTS)
     best = [int(part[known[part].argmax()]) for part in parts if len(part)]
-    return [k for k in best if known[k] > 0.5]
+    return [k for k in best if known[k] > _MIN_KNOWN]
 
 
 def _skeleton(ax: Axes, person: Person, k: int, view: View, color: str, alpha: float) -> None:
@@ -157,8 +164,8 @@ def _outline(
     ax.add_collection(LineCollection([*edges, *rays], zorder=zorder, capstyle="round", **line))
 
 
-def _part_labels(labels: Sequence[Annotation]) -> None:
-    """Raise labels that cover another one; the first ones stay."""
+def _separate_labels(labels: Sequence[Annotation]) -> None:
+    """Raise labels that overlap another one; the first ones stay."""
     placed: list[Bbox] = []
     for label in labels:
         for _ in range(_MAX_RISES):
@@ -170,12 +177,14 @@ def _part_labels(labels: Sequence[Annotation]) -> None:
 
 
 def _label(
-    ax: Axes, text: str, at: Float64Array, away: Float64Array, color: str, **font: Any
+    ax: Axes, text: str, at: Float64Array, towards: Float64Array, color: str, **font: Any
 ) -> None:
-    """Write beside a point, towards `away`."""
-    direction = away / max(float(np.linalg.norm(away)), 1e-9)
-    horizontal = "center" if abs(direction[0]) < 0.5 else "left" if direction[0] > 0 else "right"
-    vertical = "center" if abs(direction[1]) < 0.5 else "bottom" if direction[1] > 0 else "top"
+    """Write beside a point, in the direction `towards`."""
+    direction = towards / max(float(np.linalg.norm(towards)), 1e-9)
+    horizontal = (
+        "center" if abs(direction[0]) < _BESIDE else "left" if direction[0] > 0 else "right"
+    )
+    vertical = "center" if abs(direction[1]) < _BESIDE else "bottom" if direction[1] > 0 else "top"
     ax.annotate(
         text,
         (float(at[0]), float(at[1])),

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.core.reconstruction.trajectories import reconstruct
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.report.curves import liveliest_movement
 from stcalib_ros.report.draw_errors import camera_errors, errors_figure
@@ -34,7 +33,7 @@ def overview_png(stages: Stages, truth: Calibration | None = None) -> bytes:
     bytes
         PNG, 1600 x 800 px.
     """
-    room = make_room(stages.calibration, reconstruct(stages), truth)
+    room = make_room(stages.calibration, stages.trajectories(), truth)
     movement = liveliest_movement(stages, room)
     with matplotlib.rc_context(SETTINGS):
         return _png(overview_figure(room, movement, title=_title(stages.calibration)))

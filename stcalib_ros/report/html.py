@@ -13,18 +13,18 @@ from stcalib_ros.report.figures import errors_png, overview_png, sightings_png
 from stcalib_ros.report.markup import image, page, paragraph, section
 
 _OVERVIEW = (
-    "Left: cameras, the people at four moments and the ways of their feet; thin black outlines, if "
+    "Left: cameras, people at four time steps and the paths of their feet; thin black outlines, if "
     "any, are the true cameras after similarity alignment. Right: the height of one joint where "
-    "the line of sight of each camera's own key point passes nearest to the triangulated joint, "
+    "the line of sight of each camera's own keypoint passes nearest to the triangulated joint, "
     "by the stamps of that camera and by the common clock. Every camera has its colour."
 )
 _ERRORS = (
-    "Distance between key points and reprojected joints. Colour: image points that fit, which the "
-    "calibration rests on; grey: those that do not. The last bar has all that are further away."
+    "Distance between keypoints and reprojected joints. Colour: inliers, from which the "
+    "calibration is made; grey: outliers. The last bar has all that are further away."
 )
 _SIGHTINGS = (
     "Every line is a track of a camera's own tracker, against the stamps of that camera in seconds "
-    "since the start of the recording; clocks are as they were, not corrected."
+    "since the start of the recording; clocks are not corrected."
 )
 
 
@@ -42,7 +42,7 @@ def write_report(
 
 
 def report_html(recording: Recording, stages: Stages, *, truth: Calibration | None = None) -> str:
-    """Text of the report: what was found, or why it was refused, and what it rests on.
+    """Text of the report: what was found, or why it was refused, and the evidence.
 
     Parameters
     ----------

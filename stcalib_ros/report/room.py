@@ -16,6 +16,9 @@ from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
 
 _FEET = ("ankle", "heel", "toe", "foot")
 _BLOCK_S = 1.0
+"""Seconds. Upright directions of people are averaged over blocks of about a stride, as in core."""
+_MIN_ALIGNED = 3
+"""Cameras. Fewer centres do not determine a similarity transform (Umeyama 1991)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +31,7 @@ class PlacedCamera:
     R_room_cam : (3, 3) ndarray
     centre : (3,) ndarray
     tangent : (2,) ndarray
-        Of half the width and half the height of the image.
+        Tangents of half the horizontal and half the vertical field of view.
     """
 
     name: str
@@ -79,7 +82,7 @@ class Room:
     ----------
     cameras : tuple of PlacedCamera
     true_cameras : tuple of PlacedCamera
-        Where they truly are, after similarity alignment; empty where no truth is given.
+        True cameras after similarity alignment; empty without a truth.
     people : tuple of Person
     R_room_ref, t_room_ref : (3, 3), (3,) ndarray
         From the reference frame of the calibration.
@@ -104,9 +107,10 @@ def make_room(
     people: Sequence[PersonTrajectory],
     truth: Calibration | None = None,
 ) -> Room:
-    """Stand a calibration upright.
+    """Rotate a calibration upright.
 
-    As `stcalib_ros.core.output.gravity` does it; where nobody tells what is up, cameras do.
+    By people, as `stcalib_ros.core.output.gravity` does it; where they do not determine the
+    vertical, by the cameras.
 
     Parameters
     ----------
@@ -149,7 +153,7 @@ def _standing(
         upright, _ = find_upright(people[0].layout, paths, block=max(1, round(_BLOCK_S / step_s)))
         if upright is not None:
             return upright.R_world_ref, upright.height
-    # Nobody to tell: cameras are seldom upside down.
+    # Without people: cameras are rarely upside down.
     z = -np.mean([camera.R_ref_cam[:, 1] for camera in calibration.cameras], axis=0)
     z = z / np.linalg.norm(z)
     x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
@@ -180,7 +184,7 @@ def _aligned(truth: Calibration | None, calibration: Calibration) -> list[Camera
     """True cameras after the similarity that brings their centres nearest to the estimate."""
     ours = {camera.name: camera.t_ref_cam for camera in calibration.cameras}
     common = [camera for camera in truth.cameras if camera.name in ours] if truth else []
-    if len(common) < 3:
+    if len(common) < _MIN_ALIGNED:
         return []
     s, R, t = umeyama(
         np.array([camera.t_ref_cam for camera in common]),

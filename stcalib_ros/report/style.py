@@ -17,7 +17,7 @@ PALETTE = (
     "#332288",
     "#7F5F3F",
 )
-"""One colour per camera (Okabe and Ito's, then Tol's), told apart by the colour-blind."""
+"""One colour per camera (Okabe and Ito's, then Tol's), distinguishable for the colour-blind."""
 
 PEOPLE = ("#22262B", "#6B4F3A", "#4E6070", "#5E4B66", "#4C5B3C")
 """One muted colour per person."""

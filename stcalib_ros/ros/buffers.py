@@ -1,241 +1,20 @@
-"""What arrived of each camera, in bounded memory; knows no ROS."""
+"""What arrived of all cameras, in bounded memory; knows no ROS."""
 
 from __future__ import annotations
 
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.assemble import CameraImages
-from stcalib_ros.io.messages import (
-    NS,
-    CameraInfoFields,
-    PoseImage,
-    camera_info_fields,
-    lens,
-    pose_image,
-)
+from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage
+from stcalib_ros.io.stamps import SAME_CLOCK, ClockCorrection
 from stcalib_ros.io.topics import SelectedCamera
-from stcalib_ros.ros.streams import MAX_TEXT, Follower, Limits
-
-Say = Callable[[str, str], None]
-Clock = Callable[[], float]
-
-_MAX_LINE = 400
-_LENS_QUIET_S = 3.0
-_MAX_LENSES = 3
-
-
-@dataclass(frozen=True, slots=True)
-class Counts:
-    """State of one camera's buffer.
-
-    Attributes
-    ----------
-    images, persons : int
-        In the buffer.
-    rate_hz : float
-        Of the images in the buffer, by their stamps; NaN with fewer than two.
-    age_s : float
-        Since the last pose message arrived; inf if none has.
-    has_info : bool
-    moving_s : int
-        Seconds of the window in which somebody moves.
-    received, dropped, flushes : int
-        Since the start: pose messages, messages that were oversize, malformed or of another
-        stream, and how often the buffer was emptied.
-    last_problem : str
-        Why the last message was dropped or the buffer emptied.
-    set_aside : int
-        Images that do not continue what came before, until it is clear what they are.
-    blind : bool
-        There are persons, but not one of their key points is a number.
-    """
-
-    images: int
-    persons: int
-    rate_hz: float
-    age_s: float
-    has_info: bool
-    moving_s: int
-    received: int
-    dropped: int
-    flushes: int
-    last_problem: str
-    set_aside: int = 0
-    blind: bool = False
-
-
-@dataclass(slots=True)
-class _OtherLens:
-    """A CameraInfo that differs from that in force: how often and since when it is heard."""
-
-    since_s: float
-    newest_ns: int
-    n: int = 0
-
-
-class CameraBuffer:
-    """Images and lens of one camera; what others send on its topics does not empty it.
-
-    Images are followed by a `stcalib_ros.ros.streams.Follower`. Another CameraInfo than that in
-    force counts when the latter has not come for three seconds since: a driver that was configured
-    anew repeats its new one, or has latched it. Images since then are those of the new lens.
-    """
-
-    def __init__(self, camera: SelectedCamera, limits: Limits, say: Say, clock: Clock) -> None:
-        self.camera, self.limits = camera, limits
-        self.info: CameraInfoFields | None = None
-        self._say, self._clock = say, clock
-        self._follower = Follower(limits)
-        self._others: dict[CameraInfoFields, _OtherLens] = {}
-        self._arrived: float | None = None
-        self._received = self._dropped = self._flushes = 0
-        self._last_problem = ""
-
-    @property
-    def images(self) -> Sequence[PoseImage]:
-        """Those of the window, in the order of their arrival."""
-        return self._follower.stream.images
-
-    @property
-    def moving(self) -> set[int]:
-        """Whole seconds, by the stamps, in which somebody moves."""
-        return self._follower.stream.moving
-
-    def add_poses(self, message: Any) -> None:
-        """Take in a ``PersonPose3DArray``; an unusable one is counted, said and dropped."""
-        self._received += 1
-        self._arrived = self._clock()
-        try:
-            _require_pose_bounds(message, self.limits)
-            image = pose_image(message, topic=self.camera.pose_topic)
-            if image.stamp_ns < 0:
-                raise InputError(f"{self.camera.pose_topic}: the header stamp is negative")
-        except (InputError, ValueError, TypeError) as error:
-            self._drop(str(error))
-            return
-        self.settle()
-        self._take(image, self._arrived)
-
-    def reject(self, why: str) -> None:
-        """Count, say and drop a message that cannot be read."""
-        self._received += 1
-        self._arrived = self._clock()
-        self._drop(why)
-
-    def add_info(self, message: Any) -> None:
-        """Take in a ``CameraInfo``; one that lasts and differs empties the buffer."""
-        topic = self.camera.info_topic
-        try:
-            _require_info_bounds(message, topic)
-            info = camera_info_fields(message)
-            lens(info, rectified=False, topic=topic)
-        except (InputError, ValueError, TypeError) as error:
-            self._drop(str(error))
-            return
-        if self.info is None or info == self.info:
-            self.info = info
-            self._drop_lenses()
-            return
-        self._hear_other(info)
-        self.settle()
-
-    def set_limits(self, limits: Limits) -> None:
-        """Change the bounds; what they no longer allow is forgotten."""
-        self.limits = limits
-        self._follower.set_limits(limits)
-
-    def settle(self) -> None:
-        """Take over a change that has proved to be one by now."""
-        now_s = self._clock()
-        if (change := self._follower.change(now_s)) is not None:
-            why, dropped = change
-            self._dropped += dropped
-            if why:
-                self._flushed(f"{self.camera.pose_topic}: {why}")
-        if self._others:
-            self._settle_lens(now_s)
-
-    def counts(self) -> Counts:
-        """State for diagnostics."""
-        n, persons = len(self.images), sum(len(image.track_ids) for image in self.images)
-        stamps = [image.stamp_ns for image in self.images]
-        span_s = (max(stamps) - min(stamps)) / NS if n else 0.0
-        return Counts(
-            images=n,
-            persons=persons,
-            rate_hz=(n - 1) / span_s if span_s > 0 else math.nan,
-            age_s=math.inf if self._arrived is None else self._clock() - self._arrived,
-            has_info=self.info is not None,
-            moving_s=len(self.moving),
-            received=self._received,
-            dropped=self._dropped,
-            flushes=self._flushes,
-            last_problem=self._last_problem,
-            set_aside=self._follower.n_aside,
-            blind=persons > 0 and not any(np.isfinite(i.keypoints).any() for i in self.images),
-        )
-
-    def _take(self, image: PoseImage, now_s: float) -> None:
-        topic = self.camera.pose_topic
-        if why := self._follower.break_before(image):
-            self._dropped += self._follower.set_aside(image, why)
-            self._last_problem = _line(f"{topic}: {why}; do two cameras publish on this topic?")
-            self._say("aside", f"{self._last_problem} (set aside until that is clear)")
-            return
-        if bound := self._follower.append(image, now_s):
-            self._say("bound", f"{topic}: {bound}; the oldest images are forgotten")
-        if dropped := self._follower.drop_aside():
-            self._dropped += dropped
-            self._say("dropped", f"{topic}: {dropped} images that were set aside are dropped")
-
-    def _hear_other(self, info: CameraInfoFields) -> None:
-        if info not in self._others:
-            if len(self._others) == _MAX_LENSES:
-                del self._others[min(self._others, key=lambda i: self._others[i].n)]
-                self._dropped += 1
-            newest_ns = self.images[-1].stamp_ns if self.images else 0
-            self._others[info] = _OtherLens(self._clock(), newest_ns)
-            why = _lens_change(self.camera.info_topic, self.info, info)
-            self._say("lens", f"{why} (waiting whether it stays so)")
-        self._others[info].n += 1
-
-    def _settle_lens(self, now_s: float) -> None:
-        info = max(self._others, key=lambda i: (self._others[i].n, self._others[i].since_s))
-        other = self._others[info]
-        if now_s - other.since_s < _LENS_QUIET_S:
-            return
-        had_images = bool(self.images)
-        why = _lens_change(self.camera.info_topic, self.info, info)
-        self._follower.forget(other.newest_ns)
-        self.info, self._others = info, {}
-        if had_images:
-            self._flushed(why)
-
-    def _drop_lenses(self) -> None:
-        if self._others:
-            self._dropped += len(self._others)
-            other = next(iter(self._others))
-            self._last_problem = _lens_change(self.camera.info_topic, self.info, other)
-            self._others.clear()
-
-    def _flushed(self, why: str) -> None:
-        self._flushes += 1
-        self._last_problem = _line(why)
-        self._say("flush", f"{self._last_problem}; what was received before is forgotten")
-
-    def _drop(self, why: str) -> None:
-        self._dropped += 1
-        self._last_problem = _line(why)
-        self._say("drop", f"{self._last_problem} (dropped)")
+from stcalib_ros.ros.camera_buffer import CameraBuffer, Clock, Counts, Warn
+from stcalib_ros.ros.streams import Limits
 
 
 class Buffers:
@@ -245,9 +24,9 @@ class Buffers:
     ----------
     cameras : sequence of SelectedCamera
     limits : Limits
-    say : callable
-        Told the camera's name with a kind of event, and, in one line, what was dropped or forgotten
-        and why.
+    warn : callable
+        Takes a subject, which is the camera's name with a kind of event, and a line that says what
+        was dropped or forgotten and why.
     clock : callable
         Steady, seconds.
 
@@ -261,35 +40,35 @@ class Buffers:
         self,
         cameras: Sequence[SelectedCamera],
         limits: Limits,
-        say: Callable[[str, str], None],
+        warn: Warn,
         *,
         clock: Clock = time.monotonic,
     ) -> None:
         self._lock = threading.Lock()
         self.max_bytes = limits.max_bytes
 
-        def said_by(name: str) -> Say:
-            return lambda about, line: say(f"{name}: {about}", line)
+        def warn_of(name: str) -> Warn:
+            return lambda subject, line: warn(f"{name}: {subject}", line)
 
-        self._buffers = {c.name: CameraBuffer(c, limits, said_by(c.name), clock) for c in cameras}
+        self._buffers = {c.name: CameraBuffer(c, limits, warn_of(c.name), clock) for c in cameras}
 
     def add_poses(self, name: str, message: Any) -> None:
-        """Take in a ``PersonPose3DArray`` of a camera."""
+        """Take in the poses of a camera, see `CameraBuffer.add_poses`."""
         with self._lock:
             self._buffers[name].add_poses(message)
 
     def add_info(self, name: str, message: Any) -> None:
-        """Take in a ``CameraInfo`` of a camera."""
+        """Take in the CameraInfo of a camera, see `CameraBuffer.add_info`."""
         with self._lock:
             self._buffers[name].add_info(message)
 
     def reject(self, name: str, why: str) -> None:
-        """Count, say and drop a message of a camera that cannot be read at all."""
+        """Count and report a message of a camera that cannot be read at all."""
         with self._lock:
             self._buffers[name].reject(why)
 
     def set_limits(self, limits: Limits) -> None:
-        """Change the bounds; what they no longer allow is forgotten."""
+        """Change the bounds; what they do not allow any more is discarded."""
         with self._lock:
             self.max_bytes = limits.max_bytes
             for buffer in self._buffers.values():
@@ -317,7 +96,7 @@ class Buffers:
         *,
         start_s: float = -math.inf,
         end_s: float = math.inf,
-        offsets_s: Mapping[str, float] | None = None,
+        clocks: Mapping[str, ClockCorrection] | None = None,
     ) -> list[CameraImages]:
         """What `stcalib_ros.io.assemble.assemble_recording` takes: a copy that stays as it is.
 
@@ -327,19 +106,20 @@ class Buffers:
             Cameras to use; none: all.
         start_s, end_s : float
             First and last stamp to use, seconds, by the reference clock.
-        offsets_s : mapping of str to float, optional
-            What to add to a camera's stamps to have the reference clock; 0 where it is unknown.
+        clocks : mapping of str to ClockCorrection, optional
+            From a camera's clock to the reference clock; they agree where this is unknown.
 
         Returns
         -------
         list of CameraImages
             Of the cameras that have images and a lens, in the order of the configuration.
         """
-        wanted, offsets = frozenset(names), offsets_s or {}
+        wanted = frozenset(names)
         out = []
         with self._settled() as buffers:
             for name, buffer in buffers.items():
-                low, high = start_s - offsets.get(name, 0.0), end_s - offsets.get(name, 0.0)
+                clock = (clocks or {}).get(name, SAME_CLOCK)
+                low, high = clock.camera_time(start_s), clock.camera_time(end_s)
                 images = [i for i in buffer.images if low <= i.stamp_ns / NS <= high]
                 if images and buffer.info is not None and (not wanted or name in wanted):
                     out.append(_camera_images(buffer.camera, images, buffer.info))
@@ -366,44 +146,3 @@ def _camera_images(
         frame_id=camera.frame,
         line_time_s=camera.line_time_s,
     )
-
-
-def _require_pose_bounds(message: Any, limits: Limits) -> None:
-    if len(message.persons) > limits.max_persons:
-        raise InputError(
-            f"{len(message.persons)} persons in one image; {limits.max_persons} are accepted "
-            "(max_persons)"
-        )
-    if max(len(message.layout), len(message.header.frame_id)) > MAX_TEXT:
-        raise InputError(f"layout or frame_id is longer than {MAX_TEXT} characters")
-    names = message.joint_names
-    if len(names) > limits.max_joints or any(len(name) > MAX_TEXT for name in names):
-        raise InputError(f"more than {limits.max_joints} joint names, or too long ones")
-    for person in message.persons:
-        sizes = (len(person.joints) / 3, len(person.keypoints) / 2, len(person.joint_scores))
-        if max(sizes) > limits.max_joints:
-            raise InputError(
-                f"a person of {max(sizes):.0f} joints; {limits.max_joints} are accepted "
-                "(max_joints)"
-            )
-
-
-def _require_info_bounds(message: Any, topic: str) -> None:
-    if max(len(message.d), len(message.distortion_model)) > MAX_TEXT:
-        raise InputError(f"{topic}: oversize CameraInfo")
-    numbers = np.concatenate([np.asarray(getattr(message, f), dtype=float) for f in "dkrp"])
-    if not np.isfinite(numbers).all():
-        raise InputError(f"{topic}: CameraInfo has numbers that are not finite")
-
-
-def _lens_change(topic: str, before: CameraInfoFields | None, after: CameraInfoFields) -> str:
-    """Which field of the CameraInfo changes first, and how."""
-    field = next(f for f in after._fields if getattr(before, f, None) != getattr(after, f))
-    was, is_now = getattr(before, field, None), getattr(after, field)
-    return _line(f"{topic}: CameraInfo changes: {field} was {was!r} and is {is_now!r}")
-
-
-def _line(text: str) -> str:
-    """One printable line of bounded length, whatever a message had in it."""
-    line = "".join(c if c.isprintable() else "?" for c in text)
-    return line if len(line) <= _MAX_LINE else f"{line[:_MAX_LINE]}..."

@@ -1,9 +1,10 @@
-"""ROS messages to core records and back; the one place that knows the message classes."""
+"""Core records to our ROS messages and back, and message classes by the names of their types."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -11,62 +12,62 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Quaternion
 from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
+from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import (
     Calibration,
     CameraCalibration,
     PairResidual,
     PersonAssociation,
 )
-from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.model.rejection_text import labelled
-from stcalib_ros.io.messages import NS, camera_info_fields, lens
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES
+from stcalib_ros.io.messages import NS
 from stcalib_ros.io.stamps import ClockCorrection
-from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, PersonPose3DArray, TimeOffset
+from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, TimeOffset
 from stcalib_ros.msg import PairResidual as PairResidualMessage
 from stcalib_ros.msg import PersonAssociation as PersonAssociationMessage
 from stcalib_ros.msg import Rejection as RejectionMessage
 
-_CLASSES = {POSES: PersonPose3DArray, CAMERA_INFO: CameraInfo}
 
-
-def decode(type_name: str, data: bytes) -> Any:
-    """Message from its CDR bytes by ROS's own deserialiser; a decoder for `io.bag.read_bag`.
+def message_class(type_name: str) -> Any:
+    """Return the class of a message type.
 
     Parameters
     ----------
     type_name : str
-        ``stcalib_ros/msg/PersonPose3DArray`` or ``sensor_msgs/msg/CameraInfo``.
-    data : bytes
-    """
-    return deserialize_message(data, _CLASSES[type_name])
-
-
-def camera_info_to_intrinsics(message: CameraInfo, *, rectified: bool, topic: str) -> Intrinsics:
-    """Lens for the pixels of the published image, binning and region of interest included.
-
-    Parameters
-    ----------
-    message : sensor_msgs.msg.CameraInfo
-    rectified : bool
-        The key points are in the rectified image.
-    topic : str
-        For error messages.
+        ``package/msg/Name``.
 
     Raises
     ------
     InputError
-        The camera is not calibrated, or its lens model is unknown; the message names the topic.
+        Its package is not installed, or has no such message.
     """
-    return lens(camera_info_fields(message), rectified=rectified, topic=topic)
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError):
+        raise InputError(
+            f"no message {type_name!r} here: install and source the package {package!r}"
+        ) from None
+
+
+def decode(type_name: str, data: bytes) -> Any:
+    """Decode a message with ROS's own deserializer; a decoder for `stcalib_ros.io.bag.read_bag`.
+
+    Parameters
+    ----------
+    type_name : str
+        One of `stcalib_ros.io.message_types.TYPES`.
+    data : bytes
+        Plain CDR.
+    """
+    return deserialize_message(data, message_class(type_name))
 
 
 def time_message(stamp_s: float) -> Time:
-    """Stamp from Unix seconds, to the nanosecond that a float64 can tell; NaN gives zero."""
+    """Stamp from Unix seconds, as precise as float64 is; NaN gives zero."""
     if not math.isfinite(stamp_s):
         return Time()
     whole, fraction = divmod(stamp_s, 1.0)

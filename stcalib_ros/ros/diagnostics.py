@@ -11,14 +11,11 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.monitoring.alarms import Verdict
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES
 from stcalib_ros.io.topics import SelectedCamera
-from stcalib_ros.ros.buffers import Counts
+from stcalib_ros.ros.camera_buffer import Counts
+from stcalib_ros.ros.limits import STARVED_S
 from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.worker import Step
-
-STARVED_S = 5.0
-"""A camera from which nothing came for so long is starved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,58 +25,58 @@ class SolverState:
     Attributes
     ----------
     step : Step or None
-        Of the run under way.
+        Where the run in progress stands; None if there is none.
     in_force : str
-        Run of the calibration in force; empty if there is none.
+        Id of the run of the calibration in force; empty if there is none.
     last_run, last_status, last_message : str
-        Of the last run that ended; empty if none has.
+        Id, status and message of the last run that ended; empty if none has.
     last_took_s : float
-        How long its solver worked; NaN if none has.
+        Time that its solver took; NaN if none has ended.
     last_ended_s : float
-        When its solver had done its work, Unix seconds by this machine's clock; NaN if none has.
+        When its solver was done, Unix seconds by this machine's clock; NaN if none has ended.
     last_reasons : tuple of Rejection
         Why the last run, or cameras in it, were rejected.
     """
 
-    step: Step | None
-    in_force: str
-    last_run: str
-    last_status: str
-    last_message: str
+    step: Step | None = None
+    in_force: str = ""
+    last_run: str = ""
+    last_status: str = ""
+    last_message: str = ""
     last_took_s: float = math.nan
     last_ended_s: float = math.nan
     last_reasons: tuple[Rejection, ...] = ()
 
 
 def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
-    """What a camera waits for, with the publishers of that topic; empty if it has everything."""
+    """Return what a camera waits for, with the publishers of that topic; empty if nothing."""
     lacking = []
     if counts.age_s > STARVED_S:
         ago = "none has come" if counts.received == 0 else f"the last came {counts.age_s:.0f} s ago"
-        publishers = publishers_of(node, camera.pose_topic, POSES)
+        publishers = publishers_of(node, camera.pose_topic, camera.pose_type)
         lacking.append(f"waits for poses, {ago}: {publishers}")
     elif counts.dropped and not counts.images:
         lacking.append(f"sends nothing that can be used: {counts.last_problem}")
-    elif counts.blind:
+    elif counts.no_keypoints:
         lacking.append(
-            f"sends persons without one key point that is a number on {camera.pose_topic}; check "
-            "the pose estimator's output"
+            f"sends persons without a single finite keypoint on {camera.pose_topic}; check the "
+            "pose estimator's output"
         )
     if not counts.has_info:
-        publishers = publishers_of(node, camera.info_topic, CAMERA_INFO)
+        publishers = publishers_of(node, camera.info_topic, camera.info_type)
         lacking.append(f"waits for CameraInfo: {publishers}")
     return "; ".join(lacking)
 
 
 def publishers_of(node: Any, topic: str, wanted: str = "") -> str:
-    """Topic, as it is after remapping, with its publishers, their types and QoS, in words.
+    """Describe the publishers of a topic: names, types and QoS.
 
     Parameters
     ----------
     node : rclpy.node.Node
     topic : str
     wanted : str
-        Type that is wanted; if nobody has it, that is said. Empty: any.
+        Type that is expected; the text says so if nobody publishes it. Empty: any.
     """
     name = node.resolve_topic_name(topic)
     infos = node.get_publishers_info_by_topic(name)
@@ -98,10 +95,10 @@ def publishers_of(node: Any, topic: str, wanted: str = "") -> str:
 def camera_status(
     prefix: str, camera: SelectedCamera, counts: Counts, lack: str, verdict: Verdict | None
 ) -> Any:
-    """Status of one camera.
+    """Return the status of one camera.
 
-    One that is starved, sends nothing of use, or for which the calibration does not hold any more,
-    is an error; one that drops messages a warning.
+    An error if it is starved, sends nothing usable, or the calibration does not hold for it any
+    more; a warning if messages were dropped.
     """
     level, message = DiagnosticStatus.OK, "receiving"
     if lack:
@@ -129,7 +126,7 @@ def camera_status(
 
 
 def _watch_values(verdict: Verdict | None) -> dict[str, str]:
-    """What the watch says of a camera; None: it is not watched."""
+    """Values of the watch; None: the camera is not watched."""
     if verdict is None:
         return {"watch": "off"}
     return {
@@ -138,12 +135,12 @@ def _watch_values(verdict: Verdict | None) -> dict[str, str]:
         "watch_shift_m": f"{verdict.shift_m:.3f}",
         "watch_clock_ms": f"{1e3 * verdict.clock_jump_s:.0f}",
         "watch_residual_px": f"{verdict.residual_px:.1f}",
-        "watch_promised_px": f"{verdict.promised_px:.1f}",
+        "watch_promised_px": f"{verdict.expected_px:.1f}",
     }
 
 
 def solver_status(prefix: str, solver: SolverState) -> Any:
-    """Status of the solver; an error while there is no calibration and the last run failed."""
+    """Return the solver's status: an error while nothing is in force and the last run failed."""
     level = DiagnosticStatus.OK
     if not solver.in_force:
         failed = bool(solver.last_status)
@@ -173,16 +170,16 @@ def _code(rejection: Rejection) -> str:
 
 
 def load_status(prefix: str, load: Load, lost: Mapping[str, int], *, newly_lost: bool) -> Any:
-    """Status of the intake; a warning while messages are being lost.
+    """Return the status of the intake: a warning while messages are being lost.
 
     Parameters
     ----------
     prefix : str
     load : Load
     lost : mapping of str to int
-        Messages of poses that never came, by camera, since the start.
+        Pose messages that never came, by camera, since the start.
     newly_lost : bool
-        Some of them since the last status.
+        Some of them were lost since the last status.
     """
     level, message = DiagnosticStatus.OK, "keeping up"
     if newly_lost:

@@ -8,9 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
-from stcalib_ros.io.decode import decode
+from stcalib_ros.io.message_types import decode
 from stcalib_ros.io.messages import NS
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.load import LossCounter, Meter
@@ -48,7 +47,7 @@ class Intake:
         def take(data: bytes, about: Mapping[str, Any]) -> None:
             begin = time.perf_counter()
             losses.came(about["publication_sequence_number"])
-            message = self._decoded(camera.name, camera.pose_topic, POSES, data)
+            message = self._decoded(camera.name, camera.pose_topic, camera.pose_type, data)
             if message is not None:
                 add(camera.name, message)
             self._meter.waited((time.time_ns() - about["received_timestamp"]) / NS)
@@ -65,7 +64,7 @@ class Intake:
             begin = time.perf_counter()
             key = data[: _STAMP.start] + data[_STAMP.stop :]
             if last is None or last[0] != key:
-                message = self._decoded(camera.name, camera.info_topic, CAMERA_INFO, data)
+                message = self._decoded(camera.name, camera.info_topic, camera.info_type, data)
                 last = None if message is None else (key, message)
             if last is not None:
                 self._buffers.add_info(camera.name, last[1])

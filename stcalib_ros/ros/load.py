@@ -11,24 +11,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array
-
-SPAN_S = 60.0
-_MAX_GAP = 1_000_000
-"""Numbers that jump further than this are those of another publisher."""
+from stcalib_ros.ros.limits import LOAD_SPAN_S, MAX_SEQUENCE_GAP
 
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """Of the messages of the last minute, seconds; NaN where there was none.
+    """Load of the last minute, seconds; NaN where there was no message.
 
     Attributes
     ----------
     messages : int
-        Of poses.
+        Number of pose messages.
     delay_p50_s, delay_p99_s, delay_max_s : float
-        From the arrival of a message at this machine's end of DDS until it was taken in.
+        Time from the arrival of a message at this machine's end of DDS until it was taken in.
     hold_p99_s, hold_max_s : float
-        For which callbacks, of whatever kind, kept everything else waiting.
+        Duration of the callbacks, of whatever kind; everything else waits for them.
     """
 
     messages: int
@@ -40,7 +37,7 @@ class Load:
 
 
 class Meter:
-    """Collects delays; those older than a minute are forgotten.
+    """Collects delays of the last minute.
 
     Parameters
     ----------
@@ -62,7 +59,7 @@ class Meter:
         self._new[1].append(hold_s)
 
     def timed(self, callback: Callable[[], None]) -> Callable[[], None]:
-        """The callback, with its duration noted."""
+        """Return the callback, with its duration noted."""
 
         def called() -> None:
             begin = time.perf_counter()
@@ -72,11 +69,11 @@ class Meter:
         return called
 
     def load(self) -> Load:
-        """Figures of the last minute; to be asked for every second or so."""
+        """Return the figures of the last minute; to be called every second or so."""
         now_s = self._clock()
         self._slices.append((now_s, np.array(self._new[0]), np.array(self._new[1])))
         self._new = ([], [])
-        while self._slices[0][0] <= now_s - SPAN_S:
+        while self._slices[0][0] <= now_s - LOAD_SPAN_S:
             self._slices.popleft()
         delays = np.concatenate([s[1] for s in self._slices])
         holds = np.concatenate([s[2] for s in self._slices])
@@ -104,10 +101,10 @@ class LossCounter:
         self._last: int | None = None
 
     def came(self, number: int | None) -> None:
-        """Note the number of a message; None where the middleware does not tell it."""
+        """Note the number of a message; None where the middleware has none."""
         if number is None:
             return
-        if self._last is not None and 1 < number - self._last < _MAX_GAP:
+        if self._last is not None and 1 < number - self._last < MAX_SEQUENCE_GAP:
             self.lost += number - self._last - 1
         self._last = number
 

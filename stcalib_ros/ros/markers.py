@@ -12,13 +12,18 @@ from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 
 _DEPTH = 0.15
-"""Length of a frustum, as a share of the largest distance between two cameras."""
+"""Length of a frustum, as a fraction of the largest distance between two cameras."""
+_MIN_EXTENT = 1e-3
+"""Lengths of the calibration's unit. Smallest size of a rig, for cameras at one place."""
+_LINE_WIDTH, _TEXT_HEIGHT = 0.03, 0.4
+"""Fractions of the length of a frustum."""
 
 _COLOR = ColorRGBA(r=0.1, g=0.5, b=0.9, a=1.0)
+"""Red, green, blue and opacity of the cameras, 0 to 1: visible on dark and on light backgrounds."""
 
 
 def camera_markers(calibration: Calibration, *, stamp: Time) -> MarkerArray:
-    """Frusta and names of all cameras in the reference frame; markers sent before are deleted."""
+    """Return frusta and names in the reference frame, after the deletion of earlier markers."""
     header = Header(stamp=stamp, frame_id=calibration.reference_frame)
     depth = _DEPTH * _extent(calibration)
     markers = [Marker(header=header, action=Marker.DELETEALL)]
@@ -33,7 +38,7 @@ def camera_markers(calibration: Calibration, *, stamp: Time) -> MarkerArray:
 def _extent(calibration: Calibration) -> float:
     centres = np.array([c.t_ref_cam for c in calibration.cameras]).reshape(-1, 3)
     distances = np.linalg.norm(centres[:, None] - centres[None], axis=-1)
-    return float(max(distances.max(initial=0.0), 1e-3))
+    return float(max(distances.max(initial=0.0), _MIN_EXTENT))
 
 
 def _frustum(camera: CameraCalibration, header: Header, number: int, depth: float) -> Marker:
@@ -47,7 +52,7 @@ def _frustum(camera: CameraCalibration, header: Header, number: int, depth: floa
         id=number,
         type=Marker.LINE_LIST,
         pose=Pose(orientation=Quaternion(w=1.0)),
-        scale=Vector3(x=0.03 * depth),
+        scale=Vector3(x=_LINE_WIDTH * depth),
         color=_COLOR,
         lifetime=Duration(),
         points=[_point(p) for p in rays + frame],
@@ -70,7 +75,7 @@ def _name(camera: CameraCalibration, header: Header, number: int, depth: float) 
         id=number,
         type=Marker.TEXT_VIEW_FACING,
         pose=Pose(position=_point(camera.t_ref_cam), orientation=Quaternion(w=1.0)),
-        scale=Vector3(z=0.4 * depth),
+        scale=Vector3(z=_TEXT_HEIGHT * depth),
         color=_COLOR,
         text=camera.name,
     )

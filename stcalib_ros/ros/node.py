@@ -6,63 +6,49 @@ import gc
 import math
 import os
 import sys
-import time
 import uuid
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
-from sensor_msgs.msg import CameraInfo
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, Status
-from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.core.monitoring.replacement import should_replace
-from stcalib_ros.io.history import History, Kept
-from stcalib_ros.msg import CalibrationResult, PersonPose3DArray
-from stcalib_ros.ros.buffers import Buffers, Counts
+from stcalib_ros.io.history import History
+from stcalib_ros.io.stamps import SAME_CLOCK
+from stcalib_ros.msg import CalibrationResult
+from stcalib_ros.ros.buffers import Buffers
+from stcalib_ros.ros.camera_buffer import Counts
 from stcalib_ros.ros.convert import calibration_result, time_message
 from stcalib_ros.ros.diagnostics import (
-    STARVED_S,
     SolverState,
     camera_status,
     load_status,
     solver_status,
     starvation,
 )
-from stcalib_ros.ros.intake import Intake, Take
+from stcalib_ros.ros.in_force import InForce
+from stcalib_ros.ros.intake import Intake
+from stcalib_ros.ros.limits import CHECK_S, MIN_CAMERAS, REPEAT_STARVED_S, STARVED_S, STOP_S
 from stcalib_ros.ros.load import Meter
-from stcalib_ros.ros.parameters import declare, settings_from
-from stcalib_ros.ros.publishers import Publishers, latched
+from stcalib_ros.ros.parameters import Settings, declare, settings_from
+from stcalib_ros.ros.publishers import Publishers
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
 from stcalib_ros.ros.running import spin_until, stop_on_signals
-from stcalib_ros.ros.services import Services
+from stcalib_ros.ros.services import Feedback, Run, Services
+from stcalib_ros.ros.subscriptions import Subscriptions
+from stcalib_ros.ros.throttle import Throttle
 from stcalib_ros.ros.watcher import Watcher
-from stcalib_ros.ros.worker import Job, Outcome, Step, Worker, failure
-
-_REPEAT_S = 5.0
-_REPEAT_STARVED_S = 30.0
-_STOP_S = 1.0
-
-Feedback = Callable[[Step], None]
-
-
-@dataclass(slots=True, eq=False)
-class Run:
-    """A run under way: its name, its result to come, and whom to tell of its progress."""
-
-    run_id: str
-    result: Future
-    feedback: Feedback | None
+from stcalib_ros.ros.worker import Job, Outcome, Worker, failure
 
 
 class Calibrator:
@@ -84,29 +70,33 @@ class Calibrator:
         self.node, self.log = node, node.get_logger()
         self._values = declare(node)
         self.settings = settings_from(self._values, node_name=node.get_fully_qualified_name())
-        self._said: dict[str, float] = {"starved": time.monotonic() + STARVED_S - _REPEAT_STARVED_S}
-        self.buffers = Buffers(self.settings.cameras, self.settings.limits, self._say)
-        self.history = History(self.settings.results_folder, keep=self.settings.keep_results)
-        self.in_force: Kept | None = None
-        self._in_force_run = self._last_run = self._last_status = self._last_message = ""
-        self._last_reasons: tuple[Rejection, ...] = ()
-        self._last_took_s = self._last_ended_s = math.nan
+        self._throttle = Throttle(self.log.warning)
+        self._throttle.not_before("starved", STARVED_S)
+        self.buffers = Buffers(self.settings.cameras, self.settings.limits, self._throttle)
         self.run: Run | None = None
+        self._solver = SolverState()
         self._trigger, self._meter = Trigger(), Meter()
         self._guard = node.create_guard_condition(self._meter.timed(self._progressed))
         self.worker = Worker(self._guard.trigger, self.log.warning)
         self.watcher = Watcher(self.log.warning)
-        self._publishers = Publishers(node, self.settings)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._intake = Intake(self.settings.cameras, self.buffers, self._meter)
         self._lost = self._intake.lost()
-        self._latched: set[str] = set()
-        self._subscribe()
-        self.services = Services(self)
+        self._subscriptions = Subscriptions(node, self.settings, self._intake)
+        self.services = Services(node, self)
+        self.in_force = InForce(
+            History(self.settings.results_folder, keep=self.settings.keep_results),
+            [camera.name for camera in self.settings.cameras],
+            Publishers(node, self.settings),
+            self.message,
+            self.log,
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(1.0, self._meter.timed(self._every_second), clock=steady)
-        node.add_on_set_parameters_callback(self._change_parameters)
-        self._load()
+        node.create_timer(CHECK_S, self._meter.timed(self._every_second), clock=steady)
+        node.add_on_set_parameters_callback(self._validate_parameters)
+        node.add_post_set_parameters_callback(self._apply_parameters)
+        self.in_force.load()
+        self._begin()
 
     def start(
         self,
@@ -129,7 +119,7 @@ class Calibrator:
         requested : bool
             A person asked for it.
         feedback : callable, optional
-            Told of the progress.
+            Called with every step.
         """
         names = tuple(cameras)
         if self.run is not None:
@@ -142,39 +132,49 @@ class Calibrator:
             )
         if start_s == -math.inf:
             start_s = self.watcher.changed_s
-        images = self.buffers.snapshot(
-            names, start_s=start_s, end_s=end_s, offsets_s=self._offsets()
-        )
-        if len(images) < 2:
+        clocks = self.in_force.clocks
+        images = self.buffers.snapshot(names, start_s=start_s, end_s=end_s, clocks=clocks)
+        if len(images) < MIN_CAMERAS:
             there = ", ".join(c.name for c in images) or "none"
             return failure(
                 Status.INSUFFICIENT_DATA,
                 "not started: at least two cameras with poses and CameraInfo are needed, there "
-                f"is {there}; /diagnostics tells what the others wait for",
+                f"is {there}; /diagnostics says what the others wait for",
             )
         run = Run(uuid.uuid4().hex[:12], Future(), feedback)
+        wrong = self.watcher.complaint if start_s >= self.watcher.changed_s else ""
+        if not self.worker.start(Job(run.run_id, images, self.settings.options, requested, wrong)):
+            return failure(Status.CANCELLED, "not started: the solver has not ended yet")
         self.run = run
         self.log.info(f"run {run.run_id} starts with {', '.join(c.name for c in images)}")
-        wrong = self.watcher.complaint if start_s >= self.watcher.changed_s else ""
-        self.worker.start(Job(run.run_id, images, self.settings.options, requested, wrong))
-        self._publish_diagnostics()
+        self._publish_diagnostics(self.buffers.counts())
         return run
 
+    def cancel(self) -> None:
+        """Cancel the run in progress."""
+        self.worker.cancel()
+
     def rollback(self) -> str:
-        """Put the calibration before the one in force into force; returns what was done.
+        """Put the calibration before the one in force into force; return what was done.
 
         Raises
         ------
         InputError
             There is none that can be used; nothing has changed then.
         """
-        if self.in_force is None:
-            raise InputError("there is no calibration in force to go back from")
-        earlier = self.history.before(self.in_force.number)
-        self._require_own_cameras(earlier)
-        self.history.withdraw_after(earlier.number)
-        self._put_in_force(earlier, _saved_run(earlier))
-        return f"calibration {earlier.number} is in force again"
+        done = self.in_force.rollback()
+        self._begin()
+        return done
+
+    def save(self, path: str) -> Path:
+        """Write the calibration in force to a file below the results folder.
+
+        Raises
+        ------
+        InputError
+            There is none yet, or the path cannot be written to.
+        """
+        return self.in_force.export(path)
 
     def message(self, calibration: Calibration, run_id: str) -> CalibrationResult:
         """Message of a calibration, stamped with the end of its data; of a failure, with now."""
@@ -184,73 +184,21 @@ class Calibrator:
             calibration,
             run_id=run_id,
             stamp=time_message(end_s) if math.isfinite(end_s) else now,
-            frame_rates=self._rates(),
+            frame_rates={n: counts.rate_hz for n, counts in self.buffers.counts().items()},
         )
 
-    def _subscribe(self) -> None:
-        """Listen to every camera, as drivers send: best effort, volatile."""
-        qos = QoSProfile(depth=self.settings.queue_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-        for camera in self.settings.cameras:
-            take, info = self._intake.poses_of(camera), self._intake.info_of(camera)
-            self._listen(PersonPose3DArray, camera.pose_topic, take, qos)
-            self._listen(CameraInfo, camera.info_topic, info, qos)
-
-    def _subscribe_to_latched(self) -> None:
-        """Listen once more where CameraInfo is latched.
-
-        Some send it once and latch it: only a transient local subscription gets what was sent
-        before it was there, and only a volatile one what drivers usually send; no QoS receives
-        both. The second one is made when somebody offers what it asks for: to others it would be
-        incompatible, and each of them would warn of it. A driver that latches and repeats is heard
-        twice, which changes nothing: a lens that is known is no news.
-        """
-        for camera in self.settings.cameras:
-            topic = self.node.resolve_topic_name(camera.info_topic)
-            if camera.name not in self._latched and any(
-                offered.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-                and offered.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-                for offered in self.node.get_publishers_info_by_topic(topic)
-            ):
-                self._latched.add(camera.name)
-                take = self._intake.info_of(camera)
-                self._listen(CameraInfo, camera.info_topic, take, latched())
-
-    def _listen(self, kind: Any, topic: str, take: Take, qos: QoSProfile) -> None:
-        """Without the events that rclpy would wait for besides, two per topic: they cost time.
-
-        Nothing is incompatible, and /diagnostics tells of wrong types.
-        """
-        silent = SubscriptionEventCallbacks(use_default_callbacks=False)
-        self.node.create_subscription(kind, topic, take, qos, raw=True, event_callbacks=silent)
-
-    def _load(self) -> None:
-        try:
-            kept = self.history.latest()
-            if kept is None:
-                return
-            self._require_own_cameras(kept)
-        except InputError as error:
-            self.log.error(f"the saved calibration is not used: {error}")
-            return
-        self.log.info(f"calibration {kept.number} of {self.history.folder} is in force")
-        self._put_in_force(kept, _saved_run(kept))
-
-    def _require_own_cameras(self, kept: Kept) -> None:
-        names = {camera.name for camera in self.settings.cameras}
-        if others := [c.name for c in kept.calibration.cameras if c.name not in names]:
-            raise InputError(
-                f"calibration {kept.number} of {self.history.folder} has the cameras "
-                f"{', '.join(others)}, which are not configured"
-            )
-
-    def _put_in_force(self, kept: Kept, run_id: str) -> None:
-        self.in_force, self._in_force_run = kept, run_id
-        self._trigger.settle(True)
+    def _begin(self) -> None:
+        """Take note of another calibration in force, if there is one."""
+        if self.in_force.calibration is not None:
+            self._trigger.settle(True)
+        self._solver = replace(self._solver, in_force=self.in_force.run_id)
         self._begin_watch()
-        self._publishers.publish(kept.calibration, self.message(kept.calibration, run_id))
+
+    def _begin_watch(self) -> None:
+        self.watcher.begin(self.in_force.calibration if self.settings.watch else None)
 
     def _progressed(self) -> None:
-        """The worker has something new."""
+        """Pass on what is new of the worker."""
         step = self.worker.step
         if self.run is not None and self.run.feedback is not None and step is not None:
             self.run.feedback(step)
@@ -259,63 +207,55 @@ class Calibrator:
 
     def _conclude(self, outcome: Outcome) -> None:
         job, calibration = outcome.job, outcome.calibration
-        old = None if self.in_force is None else self.in_force.calibration
-        taken, reason = should_replace(calibration, old, requested=job.requested, wrong=job.wrong)
+        taken, reason = should_replace(
+            calibration, self.in_force.calibration, requested=job.requested, wrong=job.wrong
+        )
+        verdict = f"not taken: {reason}"
         if taken:
-            verdict = f"in force, since {reason}{self._take(calibration, job.run_id)}"
-        else:
-            verdict = f"not taken: {reason}"
-        self._last_reasons = calibration.reasons
-        self._last_message = f"{calibration.message}; {verdict}" if taken else verdict
-        self.log.info(f"run {job.run_id} has ended: {self._last_message}")
-        self._last_run, self._last_status = job.run_id, calibration.status.name
-        self._last_took_s, self._last_ended_s = outcome.took_s, outcome.ended_s
-        self._publish_diagnostics()
+            problem = self.in_force.replace(calibration, job.run_id)
+            self._begin()
+            verdict = f"{calibration.message}; in force, since {reason}{problem}"
+        self.log.info(f"run {job.run_id} has ended: {verdict}")
+        self._solver = replace(
+            self._solver,
+            last_run=job.run_id,
+            last_status=calibration.status.name,
+            last_message=verdict,
+            last_reasons=calibration.reasons,
+            last_took_s=outcome.took_s,
+            last_ended_s=outcome.ended_s,
+        )
+        self._publish_diagnostics(self.buffers.counts())
         run, self.run = self.run, None
         if run is not None:
             run.result.set_result(self.message(calibration, job.run_id))
 
-    def _take(self, calibration: Calibration, run_id: str) -> str:
-        """Save and put into force; returns what is to be said if only the latter succeeds."""
-        number, complaint = 0, ""
-        try:
-            number = self.history.add(calibration)
-        except InputError as error:
-            complaint = f", but not saved: {error}"
-            self.log.error(f"run {run_id} is in force{complaint}")
-        self._put_in_force(Kept(number, calibration), run_id)
-        return complaint
-
     def _every_second(self) -> None:
-        self._subscribe_to_latched()
+        self._subscriptions.add_latched()
         counts = self.buffers.counts()
         self._watch(counts)
         lacks = self._publish_diagnostics(counts)
         if starved := "; ".join(f"camera {name} {lack}" for name, lack in lacks.items() if lack):
-            self._say("starved", starved, every_s=_REPEAT_STARVED_S)
+            self._throttle("starved", starved, every_s=REPEAT_STARVED_S)
         wanted = self.settings.auto_calibrate or (
             self.settings.auto_recalibrate and self.watcher.complaint
         )
         if wanted and self.run is None:
             self._consider()
 
-    def _begin_watch(self) -> None:
-        kept = self.in_force if self.settings.watch else None
-        self.watcher.begin(None if kept is None else kept.calibration)
-
     def _watch(self, counts: Mapping[str, Counts]) -> None:
-        """Hold what arrives to the calibration in force, and say what is found; not in a run."""
+        """Check what arrives against the calibration in force and report; not during a run."""
         if self.run is not None:
             return
         for verdict in self.watcher.news(self.settings.thresholds):
-            self._tell(verdict)
+            self._report(verdict)
         self.watcher.look(
             self.buffers.snapshot,
             {name: count.age_s for name, count in counts.items()},
             min_score=self.settings.options.min_score,
         )
 
-    def _tell(self, verdict: Verdict) -> None:
+    def _report(self, verdict: Verdict) -> None:
         if not verdict.state.alarm:
             self.log.info(verdict.sentence())
         elif not verdict.state.changed:
@@ -325,14 +265,19 @@ class Calibrator:
             self.log.error(f"{verdict.sentence()}; calibrating again as soon as people have moved")
         else:
             self.log.error(
-                f"{verdict.sentence()}; put it back, or let people walk and call ~/recalibrate_now"
+                f"{verdict.sentence()}; undo the change, or let people walk and call "
+                "~/recalibrate_now"
             )
 
     def _consider(self) -> None:
-        """Calibrate unasked, if what was seen, since something happened, is worth it."""
-        since_s = self.watcher.changed_s
+        """Calibrate unasked, if enough was seen since something happened."""
+        since_s, clocks = self.watcher.changed_s, self.in_force.clocks
         moving = {
-            name: frozenset(second for second in seconds if second >= since_s)
+            name: frozenset(
+                second
+                for second in seconds
+                if second >= clocks.get(name, SAME_CLOCK).camera_time(since_s)
+            )
             for name, seconds in self.buffers.moving().items()
         }
         ready = frozenset(
@@ -348,27 +293,17 @@ class Calibrator:
             self._trigger.tried(ready, now_s)
             self.start(requested=False)
 
-    def _publish_diagnostics(self, counts: Mapping[str, Counts] | None = None) -> dict[str, str]:
-        counts = counts or self.buffers.counts()
+    def _publish_diagnostics(self, counts: Mapping[str, Counts]) -> dict[str, str]:
+        """Publish the state of everything; return what each camera lacks."""
         prefix = self.node.get_fully_qualified_name().strip("/")
         verdicts = self.watcher.verdicts
         cameras = {camera.name: camera for camera in self.settings.cameras}
         lacks = {n: starvation(c, counts[n], self.node) for n, c in cameras.items()}
-        solver = SolverState(
-            step=self.worker.step,
-            in_force=self._in_force_run,
-            last_run=self._last_run,
-            last_status=self._last_status,
-            last_message=self._last_message,
-            last_reasons=self._last_reasons,
-            last_took_s=self._last_took_s,
-            last_ended_s=self._last_ended_s,
-        )
         lost = self._intake.lost()
         newly_lost, self._lost = lost != self._lost, lost
         array = DiagnosticArray(
             status=[
-                solver_status(prefix, solver),
+                solver_status(prefix, replace(self._solver, step=self.worker.step)),
                 load_status(prefix, self._meter.load(), lost, newly_lost=newly_lost),
                 *(
                     camera_status(prefix, c, counts[n], lacks[n], verdicts.get(n))
@@ -380,37 +315,25 @@ class Calibrator:
         self._diagnostics.publish(array)
         return lacks
 
-    def _change_parameters(self, changes: Iterable[Any]) -> SetParametersResult:
-        """Take over what changes at run time; those that are fixed never come here."""
-        changed = {p.name: p.value for p in changes if p.name in self._values}
-        values = self._values | changed
+    def _validate_parameters(self, changes: Iterable[Any]) -> SetParametersResult:
+        """Say whether parameters can be changed; those that are read-only never come here."""
         try:
-            settings = settings_from(values, node_name=self.node.get_fully_qualified_name())
+            self._settings_after(changes)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        before, self.settings, self._values = self.settings, settings, values
-        if settings.watch != before.watch:
-            self._begin_watch()
-        self.buffers.set_limits(settings.limits)
         return SetParametersResult(successful=True)
 
-    def _offsets(self) -> dict[str, float]:
-        cameras = () if self.in_force is None else self.in_force.calibration.cameras
-        return {camera.name: camera.time_offset_s for camera in cameras}
+    def _apply_parameters(self, changes: Iterable[Any]) -> None:
+        """Act on parameters that have changed, after everybody has agreed."""
+        before = self.settings
+        self._values, self.settings = self._settings_after(changes)
+        if self.settings.watch != before.watch:
+            self._begin_watch()
+        self.buffers.set_limits(self.settings.limits)
 
-    def _rates(self) -> dict[str, float]:
-        return {name: counts.rate_hz for name, counts in self.buffers.counts().items()}
-
-    def _say(self, about: str, line: str, *, every_s: float = _REPEAT_S) -> None:
-        """Warn, about one thing only so often."""
-        now = time.monotonic()
-        if now - self._said.get(about, -math.inf) >= every_s:
-            self._said[about] = now
-            self.log.warning(line)
-
-
-def _saved_run(kept: Kept) -> str:
-    return f"saved-{kept.number:06d}"
+    def _settings_after(self, changes: Iterable[Any]) -> tuple[dict[str, Any], Settings]:
+        values = self._values | {p.name: p.value for p in changes if p.name in self._values}
+        return values, settings_from(values, node_name=self.node.get_fully_qualified_name())
 
 
 def main() -> int:
@@ -433,7 +356,7 @@ def main() -> int:
     gc.collect()
     gc.freeze()
     spin_until(stop, node)
-    if not calibrator.worker.stop(_STOP_S):
+    if not calibrator.worker.stop(STOP_S):
         # The solver is in the middle of a long step. Nothing is being written: leave it.
         sys.stdout.flush()
         sys.stderr.flush()

@@ -5,18 +5,17 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.monitoring.alarms import Thresholds
-from stcalib_ros.core.options import Options, options_from_mapping
+from stcalib_ros.core.options import Options, option_ranges, options_from_mapping
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.io.yaml_files import parse_yaml
+from stcalib_ros.ros.limits import MAX_CAMERAS, MIN_CAMERAS
 from stcalib_ros.ros.streams import Limits
-
-MAX_CAMERAS = 64
 
 _NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 
@@ -52,24 +51,42 @@ TF_SPECS = (
 )
 
 NODE_SPECS = (
-    Spec("window_s", 30.0, "Time span that is kept of each camera, seconds.", 2.0, 600.0),
-    Spec("max_images", 6000, "Images kept of each camera, whatever the span.", 100, 100_000),
+    Spec("window_s", 30.0, "Time span of images kept per camera, seconds.", 2.0, 600.0),
+    Spec("max_images", 6000, "Number of images kept per camera, whatever the span.", 100, 100_000),
     Spec("max_mb", 100.0, "Memory for the images of each camera, megabytes.", 1.0, 10_000.0),
-    Spec("max_persons", 50, "Persons accepted in one image.", 1, 1000),
-    Spec("max_joints", 150, "Joints accepted of one person.", 3, 1000),
+    Spec("max_persons", 50, "Largest number of persons in an image.", 1, 1000),
+    Spec("max_joints", 150, "Largest number of joints of a person.", 3, 1000),
     Spec("queue_depth", 50, "Messages that wait for the node, per topic.", 1, 1000, fixed=True),
-    Spec("auto_calibrate", True, "Calibrate as soon as enough motion has been seen."),
+    Spec("auto_calibrate", True, "Calibrate as soon as enough motion has been observed."),
     Spec(
         "min_motion_s",
         10.0,
-        "Seconds with somebody moving that each camera must share with another one.",
+        "Seconds of motion that each camera must share with another one.",
         1.0,
         600.0,
     ),
-    Spec("period_s", 0.0, "Calibrate again so often, seconds of stamps; 0: never.", 0.0, 86_400.0),
-    Spec("watch", True, "Keep checking what is seen against the calibration in force."),
-    Spec("watch_rotation_deg", 1.0, "A camera that turns by more is reported.", 0.1, 45.0),
-    Spec("watch_clock_ms", 50.0, "A clock that jumps by more is reported.", 1.0, 5000.0),
+    Spec(
+        "period_s",
+        0.0,
+        "Period of further calibrations, seconds of stamps; 0: none.",
+        0.0,
+        86_400.0,
+    ),
+    Spec("watch", True, "Keep checking observations against the calibration in force."),
+    Spec(
+        "watch_rotation_deg",
+        1.0,
+        "Smallest rotation of a camera that is reported, degrees.",
+        0.1,
+        45.0,
+    ),
+    Spec(
+        "watch_clock_ms",
+        50.0,
+        "Smallest jump of a clock that is reported, milliseconds.",
+        1.0,
+        5000.0,
+    ),
     Spec("auto_recalibrate", False, "Calibrate again when the calibration does not hold any more."),
     Spec(
         "results_folder",
@@ -77,48 +94,58 @@ NODE_SPECS = (
         "Where calibrations are kept; empty: in ROS_HOME, by the node's name.",
         fixed=True,
     ),
-    Spec("keep_results", 50, "Calibrations kept on disk.", 2, 1000, fixed=True),
+    Spec("keep_results", 50, "Number of calibrations kept on disk.", 2, 1000, fixed=True),
     *TF_SPECS,
 )
 
-OPTION_SPECS = (
+_OPTIONS = (
     Spec("reference", "", "Camera that gives the reference frame and clock; empty: the first."),
-    Spec("offset_range_s", 2.0, "Clocks are searched within +- this; 0: they agree.", 0.0, 60.0),
-    Spec("min_score", 0.3, "Joints with a lower score are not used.", 0.0, 1.0),
-    Spec("min_common_frames", 12, "Images that two cameras must share in time.", 2, 10_000),
+    Spec("offset_range_s", 2.0, "Clocks are searched within +- this; 0: they agree."),
+    Spec("min_score", 0.3, "Joints with a lower score are not used."),
+    Spec("min_common_frames", 12, "Number of images that two cameras must share in time."),
     Spec(
         "world_frame",
         "",
         "Frame with z up and the floor at 0 for the poses; empty: that of the reference camera.",
     ),
-    Spec("estimate_line_time", False, "Estimate the line times of rolling shutters."),
-    Spec("scale.poses_sigma", 0.1, "Of metric 3D poses, as a share.", 1e-4, 1.0),
-    Spec("scale.body_height_m", 0.0, "Mean height of the people; 0: not known.", 0.0, 3.0),
-    Spec("scale.body_height_sigma_m", 0.09, "Of one of them.", 1e-3, 1.0),
+    Spec("estimate_line_time", False, "Estimate the line delays of rolling shutters."),
+    Spec("scale.poses_sigma", 0.1, "Relative standard deviation of the size of metric 3D poses."),
+    Spec("scale.body_height_m", 0.0, "Mean height of the people; 0: not known."),
+    Spec("scale.body_height_sigma_m", 0.09, "Standard deviation of one person's height, metres."),
     Spec(
         "scale.distances",
         "",
         "Known distances, a list in YAML's short form as in calibrate.yaml; empty: none.",
     ),
-    Spec("seed", 0, "Same seed, same result.", 0, 2**31),
+    Spec("seed", 0, "Seed of the random numbers: same seed, same result."),
     Spec("registration.method", "correlation", "Or vmf: the paper's own method."),
-    Spec("registration.min_overlap", 12, "Samples that two tracks must share.", 2, 10_000),
-    Spec("registration.n_candidates", 200, "Track pairs and lags that vote.", 1, 100_000),
-    Spec("registration.n_hypotheses", 12, "Hypotheses kept of a pair.", 1, 1000),
-    Spec("registration.n_refined", 5, "Of which so many are refined.", 1, 1000),
-    Spec("vmf.window", 15, "Frames of a window, T.", 2, 10_000),
-    Spec("vmf.n_windows", 20, "Windows at most.", 1, 10_000),
-    Spec("vmf.n_hypothesised", 2, "Persons that RANSAC takes to be visible; 0: none.", 0, 100),
-    Spec("vmf.initial", "random", "First rotations: random or candidates."),
-    Spec("vmf.n_starts", 10, "Random first rotations.", 1, 10_000),
-    Spec("vmf.search_offsets", True, "In pairs; else in the adjustment alone."),
-    Spec("vmf.no_match_rad", 0.5, "Bones that differ more are no match.", 0.01, 3.1),
-    Spec("vmf.turn_poses", False, "Turn poses onto their key points first."),
-    Spec("integration.n_trees", 300, "Random spanning trees tried.", 1, 100_000),
-    Spec("bundle.rounds", 5, "Rounds of association and adjustment.", 1, 100),
-    Spec("bundle.max_iterations", 12, "Steps of a round.", 1, 1000),
-    Spec("bundle.outlier_factor", 3.0, "Times the median error: outliers.", 1.0, 100.0),
-    Spec("bundle.outlier_floor_px", 12.0, "But never below this, px.", 0.0, 1000.0),
+    Spec("registration.min_overlap", 12, "Number of samples that two tracks must share."),
+    Spec("registration.n_candidates", 200, "Number of candidates (track pair and lag) that vote."),
+    Spec("registration.n_hypotheses", 12, "Number of hypotheses kept per pair of cameras."),
+    Spec("registration.n_refined", 5, "Number of hypotheses that are refined."),
+    Spec("vmf.window", 15, "Length of a window in frames, T."),
+    Spec("vmf.n_windows", 20, "Largest number of windows."),
+    Spec("vmf.n_hypothesised", 2, "Number of persons that RANSAC assumes visible; 0: no RANSAC."),
+    Spec("vmf.initial", "random", "Initial rotations: random or candidates."),
+    Spec("vmf.n_starts", 10, "Number of random initial rotations."),
+    Spec(
+        "vmf.search_offsets",
+        True,
+        "Search offsets in pairs; else estimate them in the adjustment only.",
+    ),
+    Spec("vmf.no_match_rad", 0.5, "Largest mean bone angle of a match, rad."),
+    Spec("vmf.turn_poses", False, "Rotate poses onto their keypoints first."),
+    Spec("integration.n_trees", 300, "Number of random spanning trees."),
+    Spec("bundle.rounds", 5, "Number of rounds of association and adjustment."),
+    Spec("bundle.max_iterations", 12, "Largest number of Levenberg-Marquardt steps per round."),
+    Spec("bundle.outlier_factor", 3.0, "Outliers are beyond this multiple of the median error."),
+    Spec("bundle.outlier_floor_px", 12.0, "But never within this, px."),
+)
+
+_RANGES = option_ranges()
+OPTION_SPECS = tuple(
+    replace(spec, **_RANGES[spec.name]._asdict()) if spec.name in _RANGES else spec
+    for spec in _OPTIONS
 )
 
 
@@ -152,8 +179,15 @@ def camera_specs(name: str) -> tuple[Spec, ...]:
     ['/cam0/person_poses', '/cam0/camera_info', '', 0.0]
     """
     return (
-        Spec(f"camera.{name}.pose_topic", f"/{name}/person_poses", "Its poses.", fixed=True),
-        Spec(f"camera.{name}.info_topic", f"/{name}/camera_info", "Its intrinsics.", fixed=True),
+        Spec(
+            f"camera.{name}.pose_topic", f"/{name}/person_poses", "Topic of its poses.", fixed=True
+        ),
+        Spec(
+            f"camera.{name}.info_topic",
+            f"/{name}/camera_info",
+            "Topic of its CameraInfo.",
+            fixed=True,
+        ),
         Spec(
             f"camera.{name}.frame",
             "",
@@ -163,7 +197,7 @@ def camera_specs(name: str) -> tuple[Spec, ...]:
         Spec(
             f"camera.{name}.line_time_s",
             0.0,
-            "Rolling shutter: seconds per image row; 0: all rows at once.",
+            "Line delay of a rolling shutter, seconds per row; 0: global shutter.",
             0.0,
             1e-3,
             fixed=True,
@@ -177,17 +211,19 @@ def all_specs(cameras: Iterable[str]) -> tuple[Spec, ...]:
     return (*own, *NODE_SPECS, *OPTION_SPECS)
 
 
-def require_camera_names(names: Iterable[str], *, at_least: int = 2) -> tuple[str, ...]:
+def require_camera_names(names: Iterable[str], *, at_least: int = MIN_CAMERAS) -> tuple[str, ...]:
     """Camera names that can be part of topics and parameters.
 
     Raises
     ------
     InputError
-        There are too few or too many, one is given twice, or one is no name.
+        There are too few or too many, one is given twice, or one is not a name.
     """
     names = tuple(names)
     if bad := [n for n in names if not _NAME.fullmatch(n)]:
-        raise InputError(f"cameras: {bad[0]!r} is no name: letters, digits and _, a letter first")
+        raise InputError(
+            f"cameras: {bad[0]!r} is not a name: letters, digits and _, a letter first"
+        )
     if len(set(names)) < len(names):
         raise InputError(f"cameras: a name is given twice: {', '.join(names)}")
     if not at_least <= len(names) <= MAX_CAMERAS:

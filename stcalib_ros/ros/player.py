@@ -12,19 +12,19 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo
 
 from stcalib_ros.io.bag import open_bag
 from stcalib_ros.io.mcap_source import RawMessage, raw_messages
 from stcalib_ros.io.messages import NS
 from stcalib_ros.io.topics import CameraSelection
-from stcalib_ros.msg import PersonPose3DArray
+from stcalib_ros.ros.convert import message_class
+from stcalib_ros.ros.limits import LINGER_S
 from stcalib_ros.ros.publishers import latched
 
 _DEPTH = 1000
-_LOOK_S = 0.05
-_LINGER_S = 0.5
-"""For what was sent last to arrive before the process may end."""
+"""Messages. Queue of each publisher: a player may run faster than its subscribers."""
+_POLL_S = 0.05
+"""Seconds. Subscriptions are looked for this often."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +34,13 @@ class PlayOptions:
     Attributes
     ----------
     rate : float
-        Bag seconds per second.
+        Seconds of the bag per second.
     clock_hz : float or None
         Messages on /clock per second; None: no /clock.
     loop : bool
         Begin again at the end.
     wait_s : float
-        Wait at most so long for a subscription to every topic.
+        Longest time to wait for a subscription to every topic.
     """
 
     rate: float
@@ -60,7 +60,7 @@ class Player:
     path : Path
         Bag.
     selection : CameraSelection
-        Which of its cameras.
+        Cameras to play.
     options : PlayOptions
 
     Raises
@@ -77,9 +77,12 @@ class Player:
         reliable = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
         self._publishers: dict[str, Any] = {}
         for camera in cameras:
-            poses = node.create_publisher(PersonPose3DArray, camera.pose_topic, reliable)
-            infos = node.create_publisher(CameraInfo, camera.info_topic, latched())
-            self._publishers |= {camera.pose_topic: poses, camera.info_topic: infos}
+            for topic, type_name, qos in (
+                (camera.pose_topic, camera.pose_type, reliable),
+                (camera.info_topic, camera.info_type, latched()),
+            ):
+                kind = message_class(type_name)
+                self._publishers[topic] = node.create_publisher(kind, topic, qos)
         self._clock = (
             None if options.clock_hz is None else node.create_publisher(Clock, "/clock", 10)
         )
@@ -98,10 +101,10 @@ class Player:
             if stop.is_set() or not sent or not self._options.loop:
                 break
             self._log.info("the bag begins again: time jumps back")
-        stop.wait(_LINGER_S)
+        stop.wait(LINGER_S)
 
     def _play_once(self, stop: threading.Event) -> int:
-        """Play from the beginning; returns how many messages were sent."""
+        """Play from the beginning; return how many messages were sent."""
         rate, clock_hz = self._options.rate, self._options.clock_hz
         tick_ns = None if clock_hz is None else max(round(rate / clock_hz * NS), 1)
         messages = raw_messages(self._files, frozenset(self._publishers), in_time=True)
@@ -121,16 +124,16 @@ class Player:
         return sent
 
     def _wait(self, stop: threading.Event) -> None:
-        """Wait for subscriptions, and say which topics have none."""
+        """Wait for subscriptions, and warn of topics that have none."""
         deadline = time.monotonic() + self._options.wait_s
         publishers = dict(self._publishers)
         if self._clock is not None:
             publishers["/clock"] = self._clock
         while alone := [t for t, p in publishers.items() if not p.get_subscription_count()]:
             if time.monotonic() >= deadline:
-                self._log.warning(f"played all the same: nobody listens to {', '.join(alone)}")
+                self._log.warning(f"playing without subscribers of {', '.join(alone)}")
                 return
-            if stop.wait(_LOOK_S):
+            if stop.wait(_POLL_S):
                 return
 
 

@@ -1,13 +1,15 @@
-"""Whether what arrived is worth a calibration that nobody asked for; knows no ROS."""
+"""Whether enough motion has been seen to calibrate unasked; knows no ROS."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Set
 
+from stcalib_ros.ros.limits import GATHERING_S
+
 
 def shared_motion_s(a: Set[int], b: Set[int], slack_s: float) -> int:
-    """Seconds of `a` with motion for which `b` has motion, too, if clocks differ by the slack.
+    """Count the seconds of `a` with motion in which `b` has motion, too, up to a clock difference.
 
     Examples
     --------
@@ -22,22 +24,22 @@ def shared_motion_s(a: Set[int], b: Set[int], slack_s: float) -> int:
 def ready_cameras(
     moving: Mapping[str, Set[int]], *, min_motion_s: float, slack_s: float
 ) -> tuple[str, ...]:
-    """Cameras that share enough motion with another one; empty if one is still on the way.
+    """Return the cameras that share enough motion; none while another one is gathering its own.
 
     Parameters
     ----------
     moving : mapping of str to set of int
         Whole seconds in which somebody moves, by camera.
     min_motion_s : float
-        So many of them must be shared, both ways.
+        Seconds of motion that two cameras must share, counted either way.
     slack_s : float
-        Clocks may differ by this.
+        Difference that their clocks may have.
 
     Returns
     -------
     tuple of str
-        A camera with any motion that lacks shared motion and gathered some in the last three
-        seconds is worth waiting for: none is ready then.
+        A camera that has some motion but does not share enough, and saw some within the last
+        `GATHERING_S`, is worth waiting for: none is ready then.
     """
     seeing = {name: seconds for name, seconds in moving.items() if seconds}
     ready = [
@@ -54,12 +56,14 @@ def ready_cameras(
         )
     ]
     newest = max((max(seconds) for seconds in seeing.values()), default=0)
-    waiting = [n for n in seeing if n not in ready and max(seeing[n]) >= newest - 3 - slack_s]
+    waiting = [
+        n for n in seeing if n not in ready and max(seeing[n]) >= newest - GATHERING_S - slack_s
+    ]
     return () if waiting else tuple(ready)
 
 
 class Trigger:
-    """Remembers the last attempt, and says when another one makes sense.
+    """Decides when to calibrate unasked.
 
     All times are header stamps in seconds.
     """
@@ -70,10 +74,10 @@ class Trigger:
         self._settled = False
 
     def due(self, ready: Set[str], now_s: float, *, period_s: float, window_s: float) -> bool:
-        """Whether to calibrate now.
+        """Return whether to calibrate now.
 
-        It is after the first readiness, when more cameras have become ready, every `period_s` if
-        that is not 0, and, while nothing is in force, with every new window of data.
+        True when cameras are ready for the first time, when more of them have become ready, every
+        `period_s` if that is not 0, and, while nothing is in force, with every new window of data.
         """
         if not ready:
             return False

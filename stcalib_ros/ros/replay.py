@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from stcalib_ros.cli import EPILOG, run_command
 from stcalib_ros.commands import calibrate
+from stcalib_ros.ros.limits import WAIT_S
 
 if TYPE_CHECKING:
     from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
@@ -28,9 +29,6 @@ Calibrate from a bag, publish the result, play the bag to others: each of them i
 for the live node: --ros-args -r __node:=calibrator. If there is no trustworthy result, nothing is
 published or played, and the exit status is 3.
 """
-
-
-_WAIT_S = 5.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=_not_negative,
         metavar="S",
         help="with --play: wait at most S seconds until somebody listens to every topic "
-        f"(default: {_WAIT_S:g})",
+        f"(default: {WAIT_S:g})",
     )
 
 
@@ -137,7 +135,7 @@ def _serve(args: argparse.Namespace, calibrated: tuple[Recording, Calibration] |
         if args.publish and calibrated is not None:
             _publish(node, *calibrated, run_id=f"replay-{args.bag.stem}")
         if args.play is not None:
-            wait_s = _WAIT_S if args.wait is None else args.wait
+            wait_s = WAIT_S if args.wait is None else args.wait
             options = PlayOptions(args.play, args.clock, args.loop, wait_s)
             Player(node, args.bag, calibrate.config_of(args).selection, options).play(stop)
         if args.publish:

@@ -8,11 +8,11 @@ from typing import Any
 
 from rclpy.executors import SingleThreadedExecutor
 
-_SPIN_S = 0.2
+from stcalib_ros.ros.limits import SPIN_S
 
 
 def stop_on_signals() -> threading.Event:
-    """Event that SIGINT and SIGTERM set from now on, instead of what they did."""
+    """Return an event that SIGINT and SIGTERM set from now on."""
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
@@ -24,5 +24,5 @@ def spin_until(stop: threading.Event, node: Any) -> None:
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     while not stop.is_set() and node.context.ok():
-        executor.spin_once(timeout_sec=_SPIN_S)
+        executor.spin_once(timeout_sec=SPIN_S)
     executor.shutdown()

@@ -3,38 +3,88 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
 
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from stcalib_ros.action import Calibrate
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, Status
-from stcalib_ros.ros.worker import Step
+from stcalib_ros.ros.worker import Step, failure
 from stcalib_ros.srv import Recalibrate, SaveCalibration
 
-if TYPE_CHECKING:
-    from stcalib_ros.ros.node import Calibrator
+Feedback = Callable[[Step], None]
 
-_FORMATS = ("", "stcalib")
+FORMATS = ("stcalib",)
+"""Formats that a calibration can be saved in; the first is the default."""
+
+
+@dataclass(slots=True, eq=False)
+class Run:
+    """A run in progress.
+
+    Attributes
+    ----------
+    run_id : str
+    result : Future
+        Gives the ``CalibrationResult``.
+    feedback : callable or None
+        Called with every step.
+    """
+
+    run_id: str
+    result: Future
+    feedback: Feedback | None
+
+
+class ServedCalibrator(Protocol):
+    """What the services ask of the node."""
+
+    def start(
+        self,
+        *,
+        cameras: Iterable[str] = (),
+        start_s: float = -math.inf,
+        end_s: float = math.inf,
+        feedback: Feedback | None = None,
+    ) -> Run | Calibration:
+        """Start a run on request, or return a failure that says why not."""
+
+    def cancel(self) -> None:
+        """Cancel the run in progress."""
+
+    def rollback(self) -> str:
+        """Put the calibration before the one in force into force; return what was done."""
+
+    def save(self, path: str) -> Path:
+        """Write the calibration in force to a file below the results folder."""
+
+    def message(self, calibration: Calibration, run_id: str) -> Any:
+        """Return the ``CalibrationResult`` of a calibration."""
 
 
 class Services:
-    """Answers requests; while a run is under way, another one is refused at once with the reason.
+    """Answers requests; while a run is in progress, another one is refused at once.
 
     Those that wait for the end of a run are coroutines in a callback group of their own, so that
     nothing else waits with them.
 
     Parameters
     ----------
-    calibrator : Calibrator
+    node : rclpy.node.Node
+    calibrator : ServedCalibrator
     """
 
-    def __init__(self, calibrator: Calibrator) -> None:
+    def __init__(self, node: Any, calibrator: ServedCalibrator) -> None:
         self._calibrator = calibrator
-        node, long = calibrator.node, ReentrantCallbackGroup()
+        self._running: Any = None
+        long = ReentrantCallbackGroup()
         node.create_service(Recalibrate, "~/recalibrate", self._recalibrate, callback_group=long)
         node.create_service(Trigger, "~/recalibrate_now", self._recalibrate_now)
         node.create_service(SaveCalibration, "~/save", self._save)
@@ -83,12 +133,9 @@ class Services:
         return response
 
     def _saved(self, path: str, form: str) -> str:
-        if form not in _FORMATS:
-            raise InputError(f"format {form!r} cannot be written here; there is 'stcalib'")
-        kept = self._calibrator.in_force
-        if kept is None:
-            raise InputError("there is no calibration to save yet")
-        return f"written to {self._calibrator.history.export(kept.calibration, path)}"
+        if form not in ("", *FORMATS):
+            raise InputError(f"format {form!r} is unknown; there is {', '.join(FORMATS)}")
+        return f"written to {self._calibrator.save(path)}"
 
     def _rollback(self, _request: Any, response: Any) -> Any:
         try:
@@ -99,34 +146,42 @@ class Services:
         return response
 
     async def _calibrate(self, goal: Any) -> Any:
-        def tell(step: Step) -> None:
+        def publish(step: Step) -> None:
             goal.publish_feedback(
                 Calibrate.Feedback(
                     stage=step.stage, progress=step.fraction, reprojection_rms_px=step.rms_px
                 )
             )
 
+        if goal.is_cancel_requested:
+            goal.canceled()
+            never = failure(Status.CANCELLED, "cancelled before the run started")
+            return Calibrate.Result(result=self._calibrator.message(never, ""))
         request = goal.request
         run = self._calibrator.start(
             cameras=request.cameras,
             start_s=_bound(request.start, -math.inf),
             end_s=_bound(request.end, math.inf),
-            feedback=tell,
+            feedback=publish,
         )
         if isinstance(run, Calibration):
             goal.abort()
             return Calibrate.Result(result=self._calibrator.message(run, ""))
+        self._running = goal
         result = await run.result
-        if goal.is_cancel_requested:
-            goal.canceled()
-        elif result.status == int(Status.OK):
+        self._running = None
+        if result.status == int(Status.OK):
             goal.succeed()
+        elif goal.is_cancel_requested and result.status == int(Status.CANCELLED):
+            goal.canceled()
         else:
             goal.abort()
         return Calibrate.Result(result=result)
 
-    def _cancel(self, _goal: Any) -> Any:
-        self._calibrator.worker.cancel()
+    def _cancel(self, goal: Any) -> Any:
+        """Accept; a goal whose run is not in progress has none to cancel."""
+        if self._running is not None and goal == self._running:
+            self._calibrator.cancel()
         return CancelResponse.ACCEPT
 
 

@@ -24,10 +24,11 @@ from stcalib_ros.core.options import Options
 from stcalib_ros.io.assemble import CameraImages, assemble_recording
 
 _POLL_S = 0.05
+"""Seconds. Cancelling takes effect within this."""
 _NICE = 5
-"""On a busy machine messages go first."""
-
+"""Niceness of the process: on a busy machine messages go first."""
 _IMAGES_AT_ONCE = 100
+"""Images. Pickling one such piece holds Python's lock for about a millisecond."""
 _RESULT, _ERROR = "result", "error"
 
 
@@ -35,7 +36,7 @@ class SolverError(StcalibError):
     """The solver's process ended without a result, or stumbled over something unforeseen."""
 
 
-def calibrate_apart(
+def calibrate_in_subprocess(
     cameras: list[CameraImages],
     options: Options,
     *,
@@ -47,10 +48,10 @@ def calibrate_apart(
     Parameters
     ----------
     cameras : list of CameraImages
-        Emptied while it is handed over, so that no image is kept for longer than that.
+        Emptied while it is handed over, so that no image is kept longer than necessary.
     options : Options
     cancelled : callable
-        Asked every twentieth of a second; the process is killed when it returns true.
+        Polled every `_POLL_S`; the process is killed when it returns true.
     **listeners : callable
         ``warn`` of `assemble_recording`, and any of `calibrate`'s, such as ``progress``; called
         in the caller's thread.
@@ -115,7 +116,7 @@ def _followed(
     cancelled: Callable[[], bool],
     listeners: dict[str, Callable[..., None]],
 ) -> Calibration:
-    """Pass on what the process tells until it has a result."""
+    """Pass on what the process reports until it has a result."""
     stage = "assembly"
     while True:
         while not source.poll(_POLL_S):
@@ -142,22 +143,22 @@ def _without_interrupts() -> Iterator[None]:
 
 
 def _serve(pipe: Connection, options: Options, events: Sequence[str]) -> None:
-    """Main function of the process; ends without a word when nobody is there to hear it."""
+    """Main function of the process; ends silently when the other end of the pipe is gone."""
     os.nice(_NICE)
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
         pipe.send(_answer(pipe, options, events))
 
 
 def _answer(pipe: Connection, options: Options, events: Sequence[str]) -> tuple[str, object]:
-    """Receive the data and calibrate; what to send at the end."""
+    """Receive the data and calibrate; return what to send at the end."""
     from stcalib_ros.core.pipeline import calibrate  # here: the node needs nothing of it
 
-    tell = {event: partial(_say, pipe, event) for event in events}
-    warn = tell.pop("warn")
+    listeners = {event: partial(_send_event, pipe, event) for event in events}
+    warn = listeners.pop("warn")
     try:
         recording = assemble_recording(_received(pipe), warn=warn)
         threading.Thread(target=_end_with, args=(pipe,), daemon=True).start()
-        return _RESULT, calibrate(recording, options, **tell)  # type: ignore[arg-type]
+        return _RESULT, calibrate(recording, options, **listeners)  # type: ignore[arg-type]
     except (EOFError, BrokenPipeError, ConnectionResetError):
         raise
     except StcalibError as error:
@@ -166,7 +167,7 @@ def _answer(pipe: Connection, options: Options, events: Sequence[str]) -> tuple[
         return _ERROR, SolverError(f"{type(error).__name__}: {error}")
 
 
-def _say(pipe: Connection, event: str, *content: Any) -> None:
+def _send_event(pipe: Connection, event: str, *content: Any) -> None:
     pipe.send((event, content))
 
 

@@ -1,4 +1,4 @@
-"""Images of one topic that belong together, and a change that is real; knows no ROS."""
+"""Images of one topic that continue each other, and when the camera has changed; knows no ROS."""
 
 from __future__ import annotations
 
@@ -10,24 +10,28 @@ import numpy as np
 
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.io.messages import NS, PoseImage, format_stamp
+from stcalib_ros.ros.limits import (
+    CONFIRMING_IMAGES,
+    MAX_ASIDE_STEP_S,
+    MAX_ASIDE_STREAMS,
+    MAX_SAMPLE_GAP_S,
+    MAX_STAMP_STEP_S,
+    MAX_TEXT,
+    MIN_MOTION,
+    MIN_MOVING_JOINTS,
+    QUIET_S,
+    SAMPLE_S,
+)
 
-MAX_TEXT = 256
-"""Characters of a name in a message."""
-
-QUIET_S = 1.0
-"""Nothing may have come of a stream for so long, by the wall clock, before another replaces it."""
-
-CONFIRMING = 10
-"""So many images must continue each other before they replace what is there."""
-
-_NEAR_NS = NS
-_WITHIN_NS = 10 * NS
-_ASIDE = 3
+_STEP_NS = round(MAX_STAMP_STEP_S * NS)
+_ASIDE_STEP_NS = round(MAX_ASIDE_STEP_S * NS)
+_SAMPLE_NS = round(SAMPLE_S * NS)
+_SAMPLE_GAP_NS = round(MAX_SAMPLE_GAP_S * NS)
 _IMAGE_BYTES = 1000
-_SAMPLE_NS = NS // 2
-_SAMPLE_GAP_NS = 3 * NS // 2
-_MOVING_BODIES = 0.05
-"""Displacement of key points in half a second that counts as moving, as a share of the height."""
+"""Bytes. Memory of an image besides the numbers in its arrays: their objects and the record."""
+_MESSAGE_BYTES, _PERSON_BYTES, _JOINT_BYTES = 1000, 100, 24
+"""Bytes. What a message takes besides names, a person besides joints, and a joint (six float32);
+rounded up, since a message that is too long is not decoded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,13 +41,13 @@ class Limits:
     Attributes
     ----------
     window_s : float
-        Images older than this before the newest of their camera are forgotten.
+        Images older than this before the newest of their camera are discarded.
     max_images : int
-        Per camera, whatever the window.
+        Number of images per camera, whatever the window.
     max_mb : float
-        Memory of them, per camera, megabytes.
+        Memory of the images per camera, megabytes.
     max_persons, max_joints : int
-        Of one message; a larger one is dropped.
+        Persons of a message, and joints of a person; a larger message is dropped.
     """
 
     window_s: float = 30.0
@@ -54,11 +58,11 @@ class Limits:
 
     @property
     def max_bytes(self) -> int:
-        """Longest message that can be within the bounds: one that is longer need not be decoded."""
+        """Length of the longest message within the bounds; a longer one is not decoded."""
         return (
-            1000
+            _MESSAGE_BYTES
             + (self.max_joints + 2) * 2 * MAX_TEXT
-            + self.max_persons * (100 + 24 * self.max_joints)
+            + self.max_persons * (_PERSON_BYTES + _JOINT_BYTES * self.max_joints)
         )
 
 
@@ -68,12 +72,12 @@ class Stream:
     Parameters
     ----------
     limits : Limits
-        May be exchanged; `trim` then forgets what they no longer allow.
+        May be replaced; `trim` then discards what they do not allow any more.
 
     Attributes
     ----------
     images : deque of PoseImage
-        In the order of their arrival.
+        Images in the order of their arrival.
     moving : set of int
         Whole seconds, by the stamps, in which somebody moves.
     newest_ns : int
@@ -90,7 +94,7 @@ class Stream:
         for image in images:
             self.append(image)
 
-    def break_before(self, image: PoseImage, *, ahead_ns: int = _NEAR_NS) -> str:
+    def break_before(self, image: PoseImage, *, ahead_ns: int = _STEP_NS) -> str:
         """Why an image does not continue this stream; empty if it does."""
         if not self.images:
             return ""
@@ -98,7 +102,7 @@ class Stream:
             before, after = (_text(getattr(i, field)) for i in (self.images[-1], image))
             return f"{field} changes from {before} to {after}"
         ahead = image.stamp_ns - self.newest_ns
-        if -_NEAR_NS <= ahead <= ahead_ns:
+        if -_STEP_NS <= ahead <= ahead_ns:
             return ""
         return (
             f"time jumps {'ahead' if ahead > 0 else 'back'} from {format_stamp(self.newest_ns)} "
@@ -112,13 +116,13 @@ class Stream:
         first = self.images[0]
         return not _difference(other.images[-1], first) and first.stamp_ns > other.newest_ns
 
-    def offness(self, image: PoseImage) -> tuple[bool, int]:
-        """How closely an image follows, for comparison: those behind are farther than any ahead."""
+    def distance(self, image: PoseImage) -> tuple[bool, int]:
+        """Return how closely an image follows, for comparison: behind is farther than any ahead."""
         ahead_ns = image.stamp_ns - self.newest_ns
         return ahead_ns <= 0, abs(ahead_ns)
 
     def append(self, image: PoseImage) -> str:
-        """Add an image; returns which bound other than the window made it forget others."""
+        """Add an image; return which bound other than the window made it discard others."""
         self.newest_ns = max(image.stamp_ns, self.newest_ns) if self.images else image.stamp_ns
         self.images.append(image)
         self._bytes += _size(image)
@@ -126,7 +130,7 @@ class Stream:
         return self.trim() if self._oldest_goes() else ""
 
     def trim(self) -> str:
-        """Forget what the limits do not allow; returns which other than the window."""
+        """Discard what the limits do not allow; return which of them other than the window."""
         bound = ""
         while self._oldest_goes():
             bound = self._exceeded() or bound
@@ -136,7 +140,7 @@ class Stream:
         return bound
 
     def after(self, stamp_ns: int) -> Stream:
-        """Copy with the images later than a stamp only."""
+        """Return a copy with the images later than a stamp only."""
         return Stream(self.limits, [i for i in self.images if i.stamp_ns > stamp_ns])
 
     def _oldest_goes(self) -> bool:
@@ -153,7 +157,7 @@ class Stream:
         return ""
 
     def _look_for_motion(self, image: PoseImage) -> None:
-        """Compare with half a second ago; a longer gap tells nothing."""
+        """Compare an image with one of `SAMPLE_S` ago; nothing is known of a longer gap."""
         sample = self._sample
         if sample is not None:
             gap_ns = image.stamp_ns - sample.stamp_ns
@@ -177,11 +181,11 @@ class Follower:
 
     An image that does not continue the stream - another layout, frame, ``rectified`` or ``metric``,
     or a stamp more than a second away - is set aside. If the stream goes on, what was set aside is
-    dropped. If `CONFIRMING` images that continue each other were set aside and nothing has come of
-    the stream for `QUIET_S`, the camera has changed: they are the stream from then on, and none of
-    them is lost. After a mere gap they are added to what is there. No single message, then,
-    empties a buffer, and neither does somebody else while the camera is sending. Whoever sends
-    what the camera could have sent is not told from it; for that there is SROS 2.
+    dropped. If `CONFIRMING_IMAGES` images that continue each other were set aside and nothing has
+    come of the stream for `QUIET_S`, the camera has changed: they are the stream from then on, and
+    none of them is lost. After a mere gap they are added to what is there. No single message,
+    then, empties a buffer, and neither does somebody else while the camera is sending. Somebody
+    who sends what the camera could have sent is not recognized; for that there is SROS 2.
 
     What is set aside takes at most as much memory as the stream.
 
@@ -201,11 +205,11 @@ class Follower:
         return sum(len(aside.stream.images) for aside in self._aside)
 
     def set_limits(self, limits: Limits) -> None:
-        """Change the bounds; what they no longer allow is forgotten."""
+        """Change the bounds; what they do not allow any more is discarded."""
         self.stream.limits = limits
         self.stream.trim()
         for aside in self._aside:
-            aside.stream.limits = _share(limits)
+            aside.stream.limits = _limits_aside(limits)
             aside.stream.trim()
 
     def break_before(self, image: PoseImage) -> str:
@@ -216,31 +220,31 @@ class Follower:
         """
         if why := self.stream.break_before(image):
             return why
-        aside = self._closest_aside(image, ahead_ns=_NEAR_NS)
-        closer = aside is not None and aside.stream.offness(image) <= self.stream.offness(image)
+        aside = self._closest_aside(image, ahead_ns=_STEP_NS)
+        closer = aside is not None and aside.stream.distance(image) <= self.stream.distance(image)
         return aside.why if aside is not None and closer else ""
 
     def append(self, image: PoseImage, now_s: float) -> str:
-        """Add an image that continues the stream; returns what `Stream.append` does."""
+        """Add an image that continues the stream; return what `Stream.append` does."""
         self._heard_s = now_s
         return self.stream.append(image)
 
     def set_aside(self, image: PoseImage, why: str) -> int:
-        """Keep an image for the case that the camera has changed; returns how many went for it."""
-        if (aside := self._closest_aside(image, ahead_ns=_WITHIN_NS)) is not None:
+        """Keep an image in case the camera has changed; return how many are dropped for it."""
+        if (aside := self._closest_aside(image, ahead_ns=_ASIDE_STEP_NS)) is not None:
             before = len(aside.stream.images)
             aside.stream.append(image)
             return before + 1 - len(aside.stream.images)
         dropped = 0
-        if len(self._aside) == _ASIDE:
+        if len(self._aside) == MAX_ASIDE_STREAMS:
             least = min(self._aside, key=lambda aside: len(aside.stream.images))
             self._aside.remove(least)
             dropped = len(least.stream.images)
-        self._aside.append(_Aside(Stream(_share(self.stream.limits), [image]), why))
+        self._aside.append(_Aside(Stream(_limits_aside(self.stream.limits), [image]), why))
         return dropped
 
     def drop_aside(self) -> int:
-        """Forget what was set aside; returns how many images these were."""
+        """Drop what was set aside; return how many images these were."""
         dropped, self._aside = self.n_aside, []
         return dropped
 
@@ -256,7 +260,7 @@ class Follower:
         if not self._aside or now_s - self._heard_s < QUIET_S:
             return None
         best = max(self._aside, key=lambda aside: len(aside.stream.images))
-        if len(best.stream.images) < CONFIRMING:
+        if len(best.stream.images) < CONFIRMING_IMAGES:
             return None
         self._aside.remove(best)
         self._heard_s = now_s
@@ -272,17 +276,22 @@ class Follower:
         return why, self.drop_aside()
 
     def _closest_aside(self, image: PoseImage, *, ahead_ns: int) -> _Aside | None:
-        """What an image continues of all that was set aside."""
+        """Return what an image continues of all that was set aside."""
         continued = [a for a in self._aside if not a.stream.break_before(image, ahead_ns=ahead_ns)]
-        return min(continued, key=lambda aside: aside.stream.offness(image), default=None)
+        return min(continued, key=lambda aside: aside.stream.distance(image), default=None)
 
     def forget(self, until_ns: int) -> None:
-        """Forget the images up to a stamp."""
+        """Discard the images up to a stamp."""
         self.stream = self.stream.after(until_ns)
 
 
-def _share(limits: Limits) -> Limits:
-    return replace(limits, max_images=limits.max_images // _ASIDE, max_mb=limits.max_mb / _ASIDE)
+def _limits_aside(limits: Limits) -> Limits:
+    """Limits of one stream that is set aside: together they may take as much as the camera's."""
+    return replace(
+        limits,
+        max_images=limits.max_images // MAX_ASIDE_STREAMS,
+        max_mb=limits.max_mb / MAX_ASIDE_STREAMS,
+    )
 
 
 def _size(image: PoseImage) -> int:
@@ -303,14 +312,14 @@ def _difference(before: PoseImage, after: PoseImage) -> str:
 
 
 def _somebody_moves(before: PoseImage, after: PoseImage) -> bool:
-    """Whether the key points of any track are displaced by more than noise."""
+    """Whether the keypoints of any track are displaced by more than noise."""
     _, rows, others = np.intersect1d(before.track_ids, after.track_ids, return_indices=True)
     for a, b in zip(before.keypoints[rows], after.keypoints[others], strict=True):
-        seen = np.isfinite(a).all(-1) & np.isfinite(b).all(-1)
-        if seen.sum() < 3:
+        observed = np.isfinite(a).all(-1) & np.isfinite(b).all(-1)
+        if observed.sum() < MIN_MOVING_JOINTS:
             continue
-        height = float(np.ptp(b[seen, 1]))
-        displacement = float(np.median(np.linalg.norm(b[seen] - a[seen], axis=-1)))
-        if displacement > _MOVING_BODIES * max(height, 1.0):
+        height = float(np.ptp(b[observed, 1]))
+        displacement = float(np.median(np.linalg.norm(b[observed] - a[observed], axis=-1)))
+        if displacement > MIN_MOTION * max(height, 1.0):
             return True
     return False

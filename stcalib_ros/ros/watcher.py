@@ -1,4 +1,4 @@
-"""Holds what arrives to the calibration in force, in a thread of its own; knows no ROS."""
+"""Checks what arrives against the calibration in force, in a thread of its own; knows no ROS."""
 
 from __future__ import annotations
 
@@ -11,15 +11,13 @@ import numpy as np
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
-from stcalib_ros.core.monitoring.alarms import KEPT_SPANS, State, Thresholds, Verdict, judge
-from stcalib_ros.core.monitoring.spans import SPAN_S, Span, check_span
+from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
+from stcalib_ros.core.monitoring.spans import Span, check_span
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
 from stcalib_ros.io.messages import NS
-
-_LATE_S = 3.0
-"""Images that come so much later than those of other cameras are waited for."""
-_ARRIVING_S = 1.5
-_BACKWARDS_S = 1.0
+from stcalib_ros.io.stamps import SAME_CLOCK, ClockCorrection, corrections_of
+from stcalib_ros.ros.limits import ARRIVING_S, BACKWARDS_S, LATE_S, MIN_CAMERAS
 
 
 class Watcher:
@@ -30,13 +28,14 @@ class Watcher:
     Parameters
     ----------
     warn : callable
-        Told what goes wrong in the examination.
+        Called with what goes wrong in the examination.
     """
 
     def __init__(self, warn: Warn) -> None:
         self._warn = warn
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="watch")
         self._calibration: Calibration | None = None
+        self._clocks: Mapping[str, ClockCorrection] = {}
         self._verdicts: dict[str, Verdict] = {}
         self._spans: list[Span] = []
         self._pending: Future[Span] | None = None
@@ -45,7 +44,7 @@ class Watcher:
 
     @property
     def verdicts(self) -> Mapping[str, Verdict]:
-        """By camera, of those of the calibration in force."""
+        """Verdicts on the cameras of the calibration in force, by name."""
         return self._verdicts
 
     @property
@@ -60,12 +59,19 @@ class Watcher:
 
     @property
     def complaint(self) -> str:
-        """Why the calibration in force does not hold any more; empty if it does."""
+        """Why the calibration in force does not hold any more; empty if it holds."""
         changed = {v.suspects or v.name: v for v in self._verdicts.values() if v.state.changed}
         return "; ".join(verdict.sentence() for verdict in changed.values())
 
     def begin(self, calibration: Calibration | None) -> None:
-        """Watch another calibration from now on, or none."""
+        """Watch another calibration from now on, or none.
+
+        Raises
+        ------
+        InputError
+            A clock of the calibration stands still or runs backwards.
+        """
+        self._clocks = {} if calibration is None else corrections_of(calibration)
         self._calibration, self._pending, self._spans = calibration, None, []
         cameras = () if calibration is None else calibration.cameras
         self._verdicts = {camera.name: Verdict(camera.name) for camera in cameras}
@@ -82,7 +88,7 @@ class Watcher:
         Parameters
         ----------
         snapshot : callable
-            Gives all images that there are.
+            Returns all images that there are.
         arriving : mapping of str to float
             Seconds since the last message of each camera.
         min_score : float
@@ -91,17 +97,16 @@ class Watcher:
         if self._calibration is None or self._pending is not None:
             return
         images = snapshot()
-        offsets = {camera.name: camera.time_offset_s for camera in self._calibration.cameras}
         newest = {
-            c.name: c.images[-1].stamp_ns / NS + offsets[c.name]
+            c.name: self._clocks[c.name].apply(c.images[-1].stamp_ns) / NS
             for c in images
-            if c.name in offsets and arriving[c.name] <= _ARRIVING_S
+            if c.name in self._clocks and arriving[c.name] <= ARRIVING_S
         }
-        if len(newest) < 2:
+        if len(newest) < MIN_CAMERAS:
             return
         lead_s = {name: _lead(name, newest) for name in newest}
-        end_s = min(t for name, t in newest.items() if lead_s[name] >= -_LATE_S)
-        if end_s < self._looked_until_s - _BACKWARDS_S:
+        end_s = min(t for name, t in newest.items() if lead_s[name] >= -LATE_S)
+        if end_s < self._looked_until_s - BACKWARDS_S:
             self._spans, self._looked_until_s, self._changed_s = [], -math.inf, -math.inf
         if end_s < self._looked_until_s + SPAN_S:
             return
@@ -109,18 +114,21 @@ class Watcher:
         if end_s > start_s + 2.0 * SPAN_S:
             start_s = end_s - SPAN_S
         self._looked_until_s = start_s + SPAN_S
-        parts = [_part(c, start_s, start_s + SPAN_S, offsets.get(c.name, 0.0)) for c in images]
+        parts = [
+            _part(c, start_s, start_s + SPAN_S, self._clocks.get(c.name, SAME_CLOCK))
+            for c in images
+        ]
         self._pending = self._thread.submit(
             _examined,
             [part for part in parts if part.images],
             self._calibration,
             start_s=start_s,
             min_score=min_score,
-            away_s={name: lead for name, lead in lead_s.items() if abs(lead) > _LATE_S},
+            lead_s={name: lead for name, lead in lead_s.items() if abs(lead) > LATE_S},
         )
 
     def news(self, thresholds: Thresholds) -> tuple[Verdict, ...]:
-        """Take in what was found out; the verdicts that say something else than before.
+        """Take in what was found; return the verdicts that differ from those before.
 
         Of cameras that are suspected together, one speaks for all.
         """
@@ -134,12 +142,9 @@ class Watcher:
         before, self._verdicts = self._verdicts, judge(self._spans, self._verdicts, thresholds)
         known = [v.since_s for v in self._verdicts.values() if math.isfinite(v.since_s)]
         self._changed_s = max([self._changed_s, *known])
-        said = {_statement(verdict) for verdict in before.values()}
-        return tuple(
-            {
-                _statement(v): v for v in self._verdicts.values() if _statement(v) not in said
-            }.values()
-        )
+        reported = {_statement(verdict) for verdict in before.values()}
+        news = {_statement(verdict): verdict for verdict in self._verdicts.values()}
+        return tuple(verdict for said, verdict in news.items() if said not in reported)
 
 
 def _statement(verdict: Verdict) -> tuple[State, tuple[str, ...]]:
@@ -147,14 +152,16 @@ def _statement(verdict: Verdict) -> tuple[State, tuple[str, ...]]:
 
 
 def _lead(name: str, newest_s: Mapping[str, float]) -> float:
-    """Seconds that the newest stamp of a camera is ahead of those of the others."""
+    """Seconds by which the newest stamp of a camera is ahead of those of the others."""
     if len(newest_s) == 2:
         return newest_s[name] - next(t for other, t in newest_s.items() if other != name)
     return newest_s[name] - float(np.median(list(newest_s.values())))
 
 
-def _part(camera: CameraImages, start_s: float, end_s: float, offset_s: float) -> CameraImages:
-    first, last = round((start_s - offset_s) * NS), round((end_s - offset_s) * NS)
+def _part(
+    camera: CameraImages, start_s: float, end_s: float, clock: ClockCorrection
+) -> CameraImages:
+    first, last = (round(clock.camera_time(t) * NS) for t in (start_s, end_s))
     return replace(camera, images=[i for i in camera.images if first <= i.stamp_ns < last])
 
 
@@ -164,14 +171,14 @@ def _examined(
     *,
     start_s: float,
     min_score: float,
-    away_s: Mapping[str, float],
+    lead_s: Mapping[str, float],
 ) -> Span:
-    empty = Span(start_s, start_s + SPAN_S, {}, away_s)
-    if len(images) < 2:
+    empty = Span(start_s, start_s + SPAN_S, {}, lead_s)
+    if len(images) < MIN_CAMERAS:
         return empty
     try:
         recording = assemble_recording(images, warn=lambda _: None)
-    except InputError:  # the calibration will say so; here it is nothing to go by
+    except InputError:  # the next calibration will report it; there is nothing to check here
         return empty
     return check_span(
         recording,
@@ -179,5 +186,5 @@ def _examined(
         start_s=start_s,
         end_s=start_s + SPAN_S,
         min_score=min_score,
-        away_s=away_s,
+        lead_s=lead_s,
     )

@@ -13,7 +13,7 @@ from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.options import Options
 from stcalib_ros.io.assemble import CameraImages, Warn
-from stcalib_ros.ros.solver import SolverError, calibrate_apart
+from stcalib_ros.ros.solver import SolverError, calibrate_in_subprocess
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +28,7 @@ class Job:
     requested : bool
         A person asked for it.
     wrong : str
-        Why the calibration in force does not hold any more; empty if it does.
+        Why the calibration in force does not hold any more; empty if it holds.
     """
 
     run_id: str
@@ -47,11 +47,11 @@ class Outcome:
     job : Job
         Without its images.
     calibration : Calibration
-        A failure is one without cameras that says why.
+        Without cameras if the job failed; its message says why.
     took_s : float
-        Wall time.
+        Wall time of the job.
     ended_s : float
-        When that was known, Unix seconds by this machine's clock.
+        When it ended, Unix seconds by this machine's clock.
     """
 
     job: Job
@@ -69,7 +69,7 @@ class Step:
     run_id : str
     stage : str
     fraction : float
-        Of the stage that is done.
+        Fraction of the stage that is done.
     rms_px : float
         Reprojection error so far; NaN before the first adjustment.
     """
@@ -116,7 +116,7 @@ class Worker:
     wake : callable
         Called from the worker's thread when `step` has changed or `collect` has something.
     warn : callable
-        Called from the worker's thread with what is odd about the data but not in the way.
+        Called from the worker's thread with warnings about the data.
     """
 
     def __init__(self, wake: Callable[[], None], warn: Warn) -> None:
@@ -183,10 +183,10 @@ class Worker:
             rms_px = value
 
         def progress(stage: str, fraction: float) -> None:
-            self._tell(Step(job.run_id, stage, fraction, rms_px))
+            self._note(Step(job.run_id, stage, fraction, rms_px))
 
         try:
-            return calibrate_apart(
+            return calibrate_in_subprocess(
                 cameras,
                 job.options,
                 cancelled=self._cancel.is_set,
@@ -203,7 +203,7 @@ class Worker:
         except Exception as error:  # the node goes on, whatever the solver stumbles over
             return failure(Status.NOT_CONVERGED, f"{type(error).__name__}: {error}")
 
-    def _tell(self, step: Step) -> None:
+    def _note(self, step: Step) -> None:
         with self._lock:
             self._step = step
         self._wake()

@@ -210,7 +210,7 @@ def test_every_stage_can_be_looked_at(small_stages):
     refined = [h for h in small_stages.hypotheses if np.isfinite(h.epipolar_px)]
     assert 0 < len(refined) < len(small_stages.hypotheses)
     assert small_stages.rigs[0].support == max(r.support for r in small_stages.rigs)
-    assert len(small_stages.rounds) >= 2
+    assert len(small_stages.iterations) >= 2
 
 
 def test_errors_fall_from_stage_to_stage(small_stages, small_scene):
@@ -220,7 +220,7 @@ def test_errors_fall_from_stage_to_stage(small_stages, small_scene):
         return rotation_angle(np.swapaxes(rig.R_ref_cam, 1, 2) @ true)[1:].mean()
 
     integrated = angle(small_stages.rigs[0])
-    adjusted = angle(small_stages.rounds[-1].rig)
+    adjusted = angle(small_stages.iterations[-1].rig)
     assert integrated < 0.02
     assert adjusted < 0.5 * integrated
     assert adjusted < 1e-3
@@ -236,10 +236,20 @@ STAGES = [
 ]
 
 
+def test_the_joint_covariance_is_asked_by_name(small_stages):
+    joint, calibration = small_stages.covariance, small_stages.calibration
+    for camera in calibration.cameras[1:]:
+        offset_s = joint.stddev(f"{camera.name}.time_offset")[0]
+        assert offset_s == pytest.approx(camera.time_offset_stddev_s, rel=0.05)
+    cross = joint.covariance("cam1.translation", "cam2.time_offset")
+    assert cross.shape == (3, 1)
+    np.testing.assert_allclose(cross, joint.covariance("cam2.time_offset", "cam1.translation").T)
+
+
 def test_one_round_ends_with_all_joints_and_without_outliers():
     scene = simulate(SceneOptions(seed=1000))
     stages = run_stages(scene.recording, Options(bundle=BundleOptions(rounds=1)))
-    last = stages.rounds[-1]
+    last = stages.iterations[-1]
     assert stages.calibration.status is Status.OK
     assert last.observations.x.shape[2] == stages.skeleton.layout.n_joints
     assert len(last.observations.person) * last.observations.x.shape[2] > 5000

@@ -19,12 +19,20 @@ from stcalib_ros.core.model.recording import (
     Recording,
     Track,
 )
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES, schema_text
+from stcalib_ros.io.message_types import CAMERA_INFO as CAMERA_INFO_TYPE
+from stcalib_ros.io.message_types import PERSON_POSES, TYPES
+
+POSES, CAMERA_INFO = PERSON_POSES.name, CAMERA_INFO_TYPE.name
 
 START_NS = 1_760_000_000_000_000_000
 LAYOUT = LAYOUTS["h36m_17"]
 
 Message = tuple[str, str, dict[str, Any], int]
+
+
+def schema_text(type_name: str) -> str:
+    """Definition of one of the types that we read, as bags carry it."""
+    return TYPES[type_name].schema_text()
 
 
 def small_recording(n_cameras: int = 2, n_frames: int = 5, *, rectified: bool = False) -> Recording:

@@ -76,11 +76,11 @@ def _arc(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def disturbed(rng: np.random.Generator, state: BundleState, size: float = 0.01) -> BundleState:
-    """A start near a state: the reference and the first baseline are kept."""
+    """A start near a state: the reference and the spread of the cameras are kept."""
     R = exp_so3(size * rng.normal(size=state.t_cam_ref.shape)) @ state.R_cam_ref
     t = state.t_cam_ref + size * rng.normal(size=state.t_cam_ref.shape)
     R[0], t[0] = state.R_cam_ref[0], state.t_cam_ref[0]
-    t[1] *= np.linalg.norm(state.t_cam_ref[1]) / np.linalg.norm(t[1])
+    t *= state.cameras.length() / replace(state.cameras, R=R, t=t).length()
     shift = state.shift_s + 0.1 * size * rng.normal(size=len(t))
     shift[0] = 0
     X = state.X + size * rng.normal(size=state.X.shape)
@@ -90,7 +90,7 @@ def disturbed(rng: np.random.Generator, state: BundleState, size: float = 0.01) 
 def residuals(p: Problem, state: BundleState) -> np.ndarray:
     """Reprojection residuals (M, 2), px, of all that is used; written out by point and camera."""
     out = []
-    for n, c, j in np.argwhere(state.used):
+    for n, c, j in np.argwhere(state.inlier):
         when = p.o.phi[n, c] + state.shift_s[c]
         X = state.X[n, j] + when * state.V[n, j] + 0.5 * when**2 * state.A[n, j]
         Y = state.R_cam_ref[c] @ X + state.t_cam_ref[c]

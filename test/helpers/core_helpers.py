@@ -1,4 +1,4 @@
-"""Small scenes, and recordings changed in one way only."""
+"""Small scenes, and recordings with a single change."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ SOUND = CameraChecks(
     offset_peak_ratio=6.0,
     alternative_offset_s=0.4,
 )
-"""Of a camera that nobody has to doubt."""
+"""Checks of a reliable camera."""
 
 Changes = Callable[[CameraRecording], CameraRecording]
 
@@ -68,7 +68,7 @@ def every(recording: Recording, change: Changes) -> Recording:
 
 
 def clock_shifted(seconds: float) -> Changes:
-    """A clock that says so many seconds more."""
+    """A clock that is ahead by so many seconds."""
     return lambda camera: replace(camera, stamps=camera.stamps + seconds)
 
 

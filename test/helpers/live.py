@@ -1,4 +1,4 @@
-"""The live node as a process of its own, and somebody who plays to it and asks it."""
+"""The live node as a process of its own, and a client that publishes to it and calls it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calibrations of before a camera moved or its clock jumped."""
+"""Calibrations from before a camera moved or its clock jumped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Messages as the buffers see them, without ROS; and who listens to the buffers."""
+"""Messages as the buffers take them, without ROS, and a listener of the buffers."""
 
 from __future__ import annotations
 

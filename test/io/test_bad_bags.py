@@ -9,12 +9,12 @@ from pathlib import Path
 import bag_helpers as bags
 import numpy as np
 import pytest
+from bag_helpers import CAMERA_INFO, POSES, schema_text
 
 from stcalib_ros.cli import main
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_bag
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES, schema_text
 
 Maker = Callable[[Path], Path]
 
@@ -158,7 +158,7 @@ def _nothing_finite(field: str) -> Maker:
 CASES: dict[str, tuple[Maker, str]] = {
     "no such file": (_no_such_file, r"no such bag: .*missing\.mcap"),
     "empty file": (_no_bytes, r"a\.mcap is empty"),
-    "no MCAP": (_no_mcap, r"no MCAP file: it begins with b'this is "),
+    "no MCAP": (_no_mcap, r"not an MCAP file: it begins with b'this is "),
     "sqlite": (_sqlite, r"SQLite bag; `ros2 bag convert`"),
     "truncated": (_truncated, r"is truncated: .*`mcap recover "),
     "damaged": (_damaged, r"is damaged \(.*`mcap recover "),
@@ -170,12 +170,12 @@ CASES: dict[str, tuple[Maker, str]] = {
             r"\(sensor_msgs/msg/CameraInfo\), /chatter \(std_msgs/msg/String\)"
         ),
     ),
-    "folder without bag": (_empty_folder, r"is no bag: .* but notes\.txt"),
+    "folder without bag": (_empty_folder, r"is not a bag: .* but notes\.txt"),
     "folder of sqlite": (_folder_of_sqlite, r"storage is 'sqlite3', not 'mcap'"),
     "file of folder missing": (_folder_with_a_missing_file, r"not there: .*a\.mcap"),
     "compressed files": (_folder_of_compressed_files, r"compression mode 'file' is not read"),
-    "other metadata": (_folder_with_other_metadata, r"no rosbag2 metadata"),
-    "broken metadata": (_folder_with_broken_metadata, r"no valid YAML"),
+    "other metadata": (_folder_with_other_metadata, r"not rosbag2 metadata"),
+    "broken metadata": (_folder_with_broken_metadata, r"not valid YAML"),
     "other schema": (
         _other_schema,
         (

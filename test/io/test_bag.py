@@ -10,6 +10,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 import yaml
+from bag_helpers import POSES, schema_text
 from hypothesis import HealthCheck, given, settings
 from mcap.reader import make_reader
 from mcap.records import Schema
@@ -21,7 +22,6 @@ from stcalib_ros.core.model.keypoint_layouts import layout_from_names
 from stcalib_ros.core.model.recording import Recording, Track
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_bag
-from stcalib_ros.io.schemas import POSES, schema_text
 from stcalib_ros.io.topics import CameraSelection, CameraTopics
 
 

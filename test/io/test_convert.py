@@ -109,7 +109,7 @@ def test_command_writes_bag_and_truth(tmp_path: Path, capsys: pytest.CaptureFixt
     ("changes", "arguments", "message"),
     [
         ({"det_kp3d": None}, [], "has no 3D poses (det_kp3d)"),
-        ({"K": None, "R": None}, [], "no multi-view file: it lacks K, R"),
+        ({"K": None, "R": None}, [], "not a multi-view file: it lacks K, R"),
         ({"fps": np.array(np.nan)}, [], "frame rate is nan; give it with --fps"),
         ({}, ["--fps", "0"], "frame rate is 0.0"),
         ({}, ["--offset", "c=1"], "offset of c: no such camera; "),
@@ -148,7 +148,7 @@ def test_no_archive(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         convert_npz(tmp_path / "s.npz")
     (tmp_path / "s.npz").write_text("no archive")
-    with pytest.raises(InputError, match=r"no readable \.npz file"):
+    with pytest.raises(InputError, match=r"not a readable \.npz file"):
         convert_npz(tmp_path / "s.npz")
     np.save(tmp_path / "s.npy", np.zeros(3))
     with pytest.raises(InputError, match="single array"):

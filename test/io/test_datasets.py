@@ -287,8 +287,11 @@ def test_command_writes_bag_and_truth(tmp_path: Path, capsys: pytest.CaptureFixt
     ("change", "message"),
     [
         (lambda folder: (folder / "calibration_x.json").unlink(), "no calibration_"),
-        (lambda folder: (folder / "calibration_x.json").write_text("{"), "no valid JSON"),
-        (lambda folder: (folder / "calibration_x.json").write_text("{}"), "no Panoptic sequence"),
+        (lambda folder: (folder / "calibration_x.json").write_text("{"), "not valid JSON"),
+        (
+            lambda folder: (folder / "calibration_x.json").write_text("{}"),
+            "not a Panoptic sequence",
+        ),
     ],
 )
 def test_bad_panoptic(tmp_path: Path, change: Any, message: str) -> None:

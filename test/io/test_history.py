@@ -14,7 +14,8 @@ import pytest
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
-from stcalib_ros.io.history import MAX_FILES, History, Kept
+from stcalib_ros.io.history import History, Kept
+from stcalib_ros.io.limits import MAX_FILES
 from stcalib_ros.io.results import write_result
 
 LENS = Intrinsics(640, 480, LensModel.PLUMB_BOB, np.diag([600.0, 600.0, 1.0]), np.zeros(5))

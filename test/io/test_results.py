@@ -226,7 +226,7 @@ def test_reasons_of_other_versions(tmp_path: Path) -> None:
             "persons: [{id: 1.5}]\nmetric: true",
             r"persons\[0\]\.id: expected a",
         ),
-        ("metric: true", "metric: [1, 2", r"no valid YAML"),
+        ("metric: true", "metric: [1, 2", r"not valid YAML"),
         (
             "metric: true",
             "reasons: [{measured: 1}]\nmetric: true",
@@ -250,7 +250,7 @@ def test_no_such_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot read"):
         read_result(tmp_path)
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="is no text file"):
+    with pytest.raises(InputError, match="is not a text file"):
         read_result(tmp_path / "binary")
 
 

@@ -64,7 +64,7 @@ def test_other_bytes_are_dropped_and_the_reason_is_kept(data):
     restamper = corrected(0.0)
     assert restamper(data) is None
     assert (restamper.relayed, restamper.dropped) == (0, 1)
-    assert "are no message in plain CDR with a header" in restamper.problem
+    assert "are not a message in plain CDR with a header" in restamper.problem
 
 
 def test_before_the_offset_is_known_messages_are_dropped():

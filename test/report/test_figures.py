@@ -56,7 +56,7 @@ def test_errors_are_those_of_the_calibration(report_stages: Stages) -> None:
     assert len(everything) == calibration.n_inliers
     rms = np.sqrt((everything**2).mean())
     assert rms == pytest.approx(calibration.reprojection_rms_px)
-    assert all(0.5 < c.share <= 1.0 for c in cameras)
+    assert all(0.5 < c.inlier_fraction <= 1.0 for c in cameras)
 
 
 @pytest.mark.parametrize("n", [1, 4, 5, 9])

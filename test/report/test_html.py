@@ -79,7 +79,7 @@ def test_it_says_what_was_found(page: Page, report_stages: Stages) -> None:
         f"{calibration.reprojection_rms_px:.2f} px (rms)",
         "T_ref_cam: x_ref = R x_cam + t",
         "t_ref = t_cam + offset",
-        "Lengths are metres",
+        "Lengths are in metres",
         f"{1e3 * calibration.cameras[1].time_offset_s:+.2f} ms ± ",
         "cam0, cam1",
         "30.0 Hz",
@@ -92,7 +92,7 @@ def test_it_says_what_was_found(page: Page, report_stages: Stages) -> None:
 def test_another_unit_is_named(report_scene: Scene, report_stages: Stages) -> None:
     html = report_html(report_scene.recording, changed(report_stages, metric=False))
     assert "[baselines]" in html
-    assert "the distance between the first two cameras" in html
+    assert "distances between the first two cameras" in html
 
 
 def test_names_are_anybodys_text(report_scene: Scene) -> None:
@@ -126,7 +126,7 @@ def test_refused_with_poses(report_scene: Scene, report_stages: Stages) -> None:
     assert page.text.strip().startswith("Calibration refused\n")
     assert "Refused: the data does not determine the cameras" in page.text
     assert "Two solutions fit. Found: 3 of 3 cameras" in page.text
-    assert "not to be used" in page.text
+    assert "must not be used" in page.text
 
 
 def test_refused_without_poses(report_scene: Scene) -> None:
@@ -134,7 +134,7 @@ def test_refused_without_poses(report_scene: Scene) -> None:
     stages = run_stages(recording)
     assert stages.calibration.status is Status.INSUFFICIENT_DATA
     page = Page(report_html(recording, stages))
-    assert "Refused: too little to go on" in page.text
+    assert "Refused: not enough data" in page.text
     assert "at least two that see the same people" in page.text
     assert "There are no poses" in page.text
     assert len(page.sources) == 1

@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from stcalib_ros.core.reconstruction.trajectories import reconstruct
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.core.synthetic import Scene
 from stcalib_ros.report.curves import liveliest_movement
@@ -17,7 +16,7 @@ from stcalib_ros.report.view import best_view, frustum_depth
 
 @pytest.fixture(scope="module")
 def room(report_scene: Scene, report_stages: Stages) -> Room:
-    return make_room(report_stages.calibration, reconstruct(report_stages), report_scene.truth)
+    return make_room(report_stages.calibration, report_stages.trajectories(), report_scene.truth)
 
 
 def test_up_is_up_and_the_floor_is_below(report_scene: Scene, room: Room) -> None:

@@ -19,7 +19,7 @@ from visualization_msgs.msg import Marker
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.monitoring.alarms import State, Verdict
 from stcalib_ros.io.topics import SelectedCamera
-from stcalib_ros.ros.buffers import Counts
+from stcalib_ros.ros.camera_buffer import Counts
 from stcalib_ros.ros.diagnostics import SolverState, camera_status, load_status, solver_status
 from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.markers import camera_markers
@@ -100,9 +100,9 @@ def test_status_of_a_camera(counts, lack, level, message):
     [
         (State.UNKNOWN, "", DiagnosticStatus.OK),
         (State.OK, "", DiagnosticStatus.OK),
-        (State.BLIND, "", DiagnosticStatus.WARN),
+        (State.NO_DETECTIONS, "", DiagnosticStatus.WARN),
         (State.MOVED, "", DiagnosticStatus.ERROR),
-        (State.LOST, "waits for poses", DiagnosticStatus.ERROR),
+        (State.UNMATCHED, "waits for poses", DiagnosticStatus.ERROR),
     ],
 )
 def test_what_the_watch_says_of_a_camera(state, lack, level):

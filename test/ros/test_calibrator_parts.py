@@ -16,6 +16,7 @@ from stcalib_ros.core.errors import Cancelled, InputError
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.rejection import RejectionReason
 from stcalib_ros.core.options import Options
+from stcalib_ros.io.stamps import ClockCorrection
 from stcalib_ros.ros import worker as worker_module
 from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.parameters import CAMERAS, all_specs, settings_from
@@ -70,9 +71,16 @@ def test_a_snapshot_stays_as_it_is(buffers):
 
 def test_a_snapshot_can_be_bounded_by_the_reference_clock(buffers):
     fill(buffers, 100.0, 5.0)
-    found = stamps_s(buffers, start_s=102.05, end_s=103.05, offsets_s={"cam0": 1.0})
+    found = stamps_s(buffers, start_s=102.05, end_s=103.05, clocks={"cam0": ClockCorrection(1.0)})
     assert (found[0], found[-1]) == (pytest.approx(101.1), pytest.approx(102.0))
     assert buffers.snapshot(["cam1"]) == []
+
+
+def test_the_bounds_of_a_snapshot_follow_the_skew_of_a_clock(buffers):
+    fill(buffers, 86_400.0, 5.0)
+    day = {"cam0": ClockCorrection(0.0, skew=20e-6)}
+    found = stamps_s(buffers, start_s=86_403.75, end_s=86_404.75, clocks=day)
+    assert (found[0], found[-1]) == (pytest.approx(86_402.1), pytest.approx(86_403.0))
 
 
 def test_without_a_lens_there_is_no_snapshot(ear):
@@ -253,7 +261,7 @@ def test_every_option_has_a_parameter():
     [
         ({"cameras": ["cam0"]}, "1 given"),
         ({"cameras": ["cam0", "cam0"]}, "twice"),
-        ({"cameras": ["cam0", "a b"]}, "'a b' is no name"),
+        ({"cameras": ["cam0", "a b"]}, "'a b' is not a name"),
         ({"cameras": [f"c{i}" for i in range(65)]}, "65 given"),
         ({"reference": "cam7"}, "'cam7' is none of the cameras"),
     ],
@@ -289,7 +297,7 @@ class Solver:
 @pytest.fixture
 def solver(monkeypatch: pytest.MonkeyPatch) -> Solver:
     made = Solver()
-    monkeypatch.setattr(worker_module, "calibrate_apart", made)
+    monkeypatch.setattr(worker_module, "calibrate_in_subprocess", made)
     return made
 
 

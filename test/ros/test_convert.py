@@ -21,10 +21,9 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
 from stcalib_ros.core.model.recording import LensModel
-from stcalib_ros.io.messages import pose_image
+from stcalib_ros.io.messages import camera_info_fields, lens, pose_image
 from stcalib_ros.ros.convert import (
     calibration_result,
-    camera_info_to_intrinsics,
     decode,
     time_message,
 )
@@ -157,21 +156,18 @@ def test_a_camera_info_gives_the_lens_of_its_numbers(model, rectified):
     }
     roi = RegionOfInterest(x_offset=40, y_offset=20, width=800, height=600)
     message = through_cdr(CameraInfo(**numbers, roi=roi))
-    lens = camera_info_to_intrinsics(message, rectified=rectified, topic="/cam0/camera_info")
+    given = lens(camera_info_fields(message), rectified=rectified, topic="/cam0/camera_info")
     expected = intrinsics_from_camera_info(**numbers, roi=(40, 20, 800, 600), rectified=rectified)
-    assert (lens.width, lens.height, lens.model) == (400, 150, expected.model)
-    np.testing.assert_array_equal(lens.K, expected.K)
-    np.testing.assert_array_equal(lens.D, expected.D)
-    np.testing.assert_array_equal(lens.R_rect_cam, expected.R_rect_cam)
+    assert (given.width, given.height, given.model) == (400, 150, expected.model)
+    np.testing.assert_array_equal(given.K, expected.K)
+    np.testing.assert_array_equal(given.D, expected.D)
+    np.testing.assert_array_equal(given.R_rect_cam, expected.R_rect_cam)
 
 
 def test_an_uncalibrated_camera_is_named():
+    info = camera_info_fields(CameraInfo(width=LENS.width, height=LENS.height))
     with pytest.raises(InputError, match=r"/cam7/camera_info: .*K\[0\] is 0"):
-        camera_info_to_intrinsics(
-            CameraInfo(width=LENS.width, height=LENS.height),
-            rectified=False,
-            topic="/cam7/camera_info",
-        )
+        lens(info, rectified=False, topic="/cam7/camera_info")
 
 
 def test_poses_become_the_same_arrays():

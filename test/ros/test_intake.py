@@ -14,8 +14,9 @@ from stcalib_ros.io.mcap_source import RawMessage, raw_messages
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.intake import Intake
+from stcalib_ros.ros.limits import MAX_TEXT
 from stcalib_ros.ros.load import Meter
-from stcalib_ros.ros.streams import MAX_TEXT, Limits
+from stcalib_ros.ros.streams import Limits
 
 CAMERA = SelectedCamera("cam0", "/cam0/person_poses", "/cam0/camera_info", None)
 

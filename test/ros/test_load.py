@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from stcalib_ros.ros.load import SPAN_S, LossCounter, Meter
+from stcalib_ros.ros.limits import LOAD_SPAN_S
+from stcalib_ros.ros.load import LossCounter, Meter
 
 
 class Clock:
@@ -26,7 +27,7 @@ def test_quantiles_are_those_of_the_last_minute():
     meter.load()
     rng = np.random.default_rng(0)
     for _ in range(60):
-        clock.now_s += SPAN_S / 60
+        clock.now_s += LOAD_SPAN_S / 60
         for value in rng.permutation(101):
             meter.waited(value * 1e-3)
             meter.held(value * 1e-4)

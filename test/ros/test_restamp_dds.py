@@ -28,7 +28,7 @@ from stcalib_ros.io.messages import NS
 from stcalib_ros.io.results import write_result
 from stcalib_ros.ros.convert import clock_corrections, time_message
 from stcalib_ros.ros.parameters import CAMERAS
-from stcalib_ros.ros.restamp import message_class
+from stcalib_ros.ros.restamp import message_class_with_header
 from stcalib_ros.ros.restamp_parameters import (
     RELAY_SPECS,
     RelayedTopic,
@@ -286,7 +286,7 @@ def test_corrections_of_a_message_are_those_of_the_interface():
 )
 def test_types_that_cannot_be_relayed_say_why(type_name, why):
     with pytest.raises(InputError, match=why):
-        message_class("/topic", type_name)
+        message_class_with_header("/topic", type_name)
 
 
 DEFAULTS = {spec.name: spec.default for spec in RELAY_SPECS}

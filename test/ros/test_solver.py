@@ -17,11 +17,10 @@ from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.assemble import CameraImages, assemble_recording
 from stcalib_ros.io.bag_writer import write_bag
-from stcalib_ros.io.decode import decode
 from stcalib_ros.io.mcap_source import raw_messages
+from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, decode
 from stcalib_ros.io.messages import camera_info_fields, pose_image
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES
-from stcalib_ros.ros.solver import SolverError, calibrate_apart
+from stcalib_ros.ros.solver import SolverError, calibrate_in_subprocess
 
 NAMES = ("cam0", "cam1")
 
@@ -40,8 +39,8 @@ def of_camera(bag: Path, name: str) -> CameraImages:
     lens = next(m.data for m in raw_messages([bag], frozenset({info})))
     return CameraImages(
         name=name,
-        images=[pose_image(decode(POSES, data), topic=poses) for data in of_poses],
-        info=camera_info_fields(decode(CAMERA_INFO, lens)),
+        images=[pose_image(decode(PERSON_POSES.name, data), topic=poses) for data in of_poses],
+        info=camera_info_fields(decode(CAMERA_INFO.name, lens)),
         pose_topic=poses,
         info_topic=info,
     )
@@ -57,7 +56,7 @@ def quiet(*_: object) -> None:
 
 def test_it_gives_the_numbers_of_this_process(cameras):
     steps, warnings = [], []
-    found = calibrate_apart(
+    found = calibrate_in_subprocess(
         list(cameras),
         Options(),
         cancelled=never,
@@ -83,7 +82,7 @@ def test_it_gives_the_numbers_of_this_process(cameras):
 def test_it_is_killed_when_cancelled(cameras):
     stages: list[str] = []
     with pytest.raises(Cancelled, match="cancelled during"):
-        calibrate_apart(
+        calibrate_in_subprocess(
             list(cameras),
             Options(),
             cancelled=lambda: bool(stages),
@@ -95,7 +94,7 @@ def test_it_is_killed_when_cancelled(cameras):
 
 def test_it_can_be_cancelled_before_anything_is_done(cameras):
     with pytest.raises(Cancelled, match="assembly"):
-        calibrate_apart(list(cameras), Options(), cancelled=lambda: True, warn=quiet)
+        calibrate_in_subprocess(list(cameras), Options(), cancelled=lambda: True, warn=quiet)
 
 
 def test_what_the_data_lacks_is_told(cameras):
@@ -103,12 +102,12 @@ def test_what_the_data_lacks_is_told(cameras):
     turned = [replace(image, metric=False) for image in first.images[:10]]
     mixed = replace(first, images=[*turned, *first.images[10:]])
     with pytest.raises(InputError, match="metric changes from False"):
-        calibrate_apart([mixed, cameras[1]], Options(), cancelled=never, warn=quiet)
+        calibrate_in_subprocess([mixed, cameras[1]], Options(), cancelled=never, warn=quiet)
 
 
 def test_what_nobody_foresaw_is_told(cameras):
     with pytest.raises(SolverError, match="AttributeError: "):
-        calibrate_apart(list(cameras), "none", cancelled=never, warn=quiet)  # type: ignore[arg-type]
+        calibrate_in_subprocess(list(cameras), "none", cancelled=never, warn=quiet)  # type: ignore[arg-type]
 
 
 def test_a_process_that_is_killed_is_told(cameras):
@@ -117,13 +116,15 @@ def test_a_process_that_is_killed_is_told(cameras):
             os.kill(int(child.pid or 0), signal.SIGKILL)
 
     with pytest.raises(SolverError, match=r"exit code -9.*window_s"):
-        calibrate_apart(list(cameras), Options(), cancelled=never, warn=quiet, progress=kill)
+        calibrate_in_subprocess(
+            list(cameras), Options(), cancelled=never, warn=quiet, progress=kill
+        )
 
 
 def test_images_are_not_kept_once_they_are_handed_over(cameras):
     given, left = list(cameras), []
     with pytest.raises(Cancelled):
-        calibrate_apart(
+        calibrate_in_subprocess(
             given,
             Options(),
             cancelled=lambda: bool(left),
@@ -135,5 +136,5 @@ def test_images_are_not_kept_once_they_are_handed_over(cameras):
 
 def test_interrupts_are_heard_as_before(cameras):
     with pytest.raises(Cancelled):
-        calibrate_apart(list(cameras), Options(), cancelled=lambda: True, warn=quiet)
+        calibrate_in_subprocess(list(cameras), Options(), cancelled=lambda: True, warn=quiet)
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from plain import CAMERA, STEP_S, Ear, info, poses
 
 from stcalib_ros.ros.buffers import Buffers
-from stcalib_ros.ros.streams import CONFIRMING, QUIET_S, Limits
+from stcalib_ros.ros.limits import CONFIRMING_IMAGES, QUIET_S
+from stcalib_ros.ros.streams import Limits
 
 WINDOW_S = 10.0
 MAX_IMAGES = 300
@@ -116,7 +117,7 @@ def test_a_bag_that_ends_after_the_jump_is_settled_when_asked(scene):
 
 def test_after_a_gap_nothing_is_lost_or_forgotten(scene):
     scene.wait(3.0)
-    scene.play(108.0, CONFIRMING)
+    scene.play(108.0, CONFIRMING_IMAGES)
     assert scene.stamps_s == pytest.approx(
         [*np.arange(1000, 1050) / 10, *np.arange(1080, 1090) / 10]
     )
@@ -133,7 +134,7 @@ def test_a_gap_longer_than_the_window_leaves_the_new(scene):
 
 def test_few_strange_messages_do_not_replace_a_camera_that_stopped(scene):
     scene.wait(60.0)
-    scene.play(105.0, CONFIRMING - 1, layout="coco_17")
+    scene.play(105.0, CONFIRMING_IMAGES - 1, layout="coco_17")
     scene.wait(60.0)
     assert len(scene.stamps_s) == 50
 

@@ -112,7 +112,7 @@ def test_it_calibrates_again_from_what_came_after(played, before):
     live, client, _, folder = played
     client.wait(lambda: client.status("solver").get("last_status") == "OK", "a run")
     text = live.log.read_text()
-    assert "in force, since the one before does not hold any more: cam1 has moved" in text
+    assert "in force, since the one in force is wrong: cam1 has moved" in text
     old, kept = before[0], History(folder / "results", keep=10).latest()
     assert kept is not None
     new = kept.calibration

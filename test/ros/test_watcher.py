@@ -11,7 +11,7 @@ import pytest
 
 from stcalib_ros.core.model.recording import CameraRecording
 from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict
-from stcalib_ros.core.monitoring.spans import SPAN_S
+from stcalib_ros.core.monitoring.limits import SPAN_S
 from stcalib_ros.core.synthetic import CameraChange, Scene, SceneOptions, simulate
 from stcalib_ros.io.assemble import CameraImages
 from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage
@@ -135,6 +135,25 @@ def test_another_calibration_is_watched_from_its_beginning(turned):
     assert live.watcher.changed_s == after_s
 
 
+@pytest.mark.parametrize("skew", [25e-6, 40e-6])
+def test_a_clock_that_drifts_as_calibrated_is_no_alarm(quiet, skew):
+    """After a day 25 ppm are 2.2 s, more than a span; 40 ppm are 3.5 s, enough for an alarm."""
+    elapsed_s = 86_400.0
+    drifting = tuple(
+        replace(c, clock_skew=skew, time_offset_s=c.time_offset_s - skew * elapsed_s)
+        if c.name == "cam1"
+        else c
+        for c in quiet.truth.cameras
+    )
+    live = Live(quiet)
+    live.watcher.begin(
+        replace(quiet.truth, cameras=drifting, epoch_s=quiet.truth.epoch_s - elapsed_s)
+    )
+    said = live.play()
+    assert {(v.name, v.state) for v in said} == {(n, State.OK) for n in quiet.rig.names}
+    assert live.watcher.complaint == ""
+
+
 def test_who_comes_late_is_waited_for(turned):
     said = Live(turned).play(lag_s={"cam0": 1.5})
     assert alarms(said) == [("cam1", State.MOVED)]
@@ -151,7 +170,7 @@ def test_who_has_stopped_is_not_waited_for(quiet):
 def test_stamps_that_are_far_off_are_told(quiet):
     scene = simulate(OPTIONS, changes=[CameraChange(2, CHANGED_S, clock_s=100.0)])
     said = alarms(Live(scene).play(lag_s={"cam2": -100.0}))
-    assert said == [("cam2", State.AWAY)]
+    assert said == [("cam2", State.STAMPS_OFF)]
 
 
 def test_time_that_starts_again_is_followed(turned):

@@ -8,18 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.limits import (
+    DECISIVE_FIT_GAIN,
+    MAX_FIT_LOSS,
+    MIN_EXPLAINED_TO_STOP,
+    MIN_FIT_SCALE_PX,
+    MIN_RIGS_TRIED,
+    MIN_RIVAL_SUPPORT,
+    OTHER_OFFSET_FRAMES,
+    SAME_OFFSET_FRAMES,
+)
 from stcalib_ros.core.integration.exclusions import Exclusions
 from stcalib_ros.core.model.calibration import Insufficient
 from stcalib_ros.core.model.rig import Rig
-
-_RIVAL_SUPPORT = 0.5
-_FEW_RIGS = 3
-_COMPLETE = 0.6
-_CLOSE = 0.3
-_DECISIVE = 0.1
-_OTHER_OFFSET_FRAMES = 3.0
-_SAME_OFFSET_FRAMES = 0.5
-_FIT_SCALE_PX = 12.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +76,9 @@ def select_initial_rig(
     starts = _initial_adjustments(rigs, adjust, exclusions, tick)
     fits = _fits(starts)
     best = max(fits)
-    close = [s for s, fit in zip(starts, fits, strict=True) if fit >= best - _CLOSE * abs(best)]
+    close = [
+        s for s, fit in zip(starts, fits, strict=True) if fit >= best - MAX_FIT_LOSS * abs(best)
+    ]
     close = _distinct(close)
     if len(close) > 1:
         close = [_repeated(start, adjust) for start in close]
@@ -85,9 +88,9 @@ def select_initial_rig(
     step_s = start.iteration.observations.step_s
     for k in others:
         rival = close[k].iteration
-        n_other = start.iteration.differing(rival, _OTHER_OFFSET_FRAMES * step_s)
+        n_other = start.iteration.differing(rival, OTHER_OFFSET_FRAMES * step_s)
         stake = abs(fits[first]) * n_other / len(start.iteration.rig.cameras)
-        if n_other and fits[first] - fits[k] < _DECISIVE * stake:
+        if n_other and fits[first] - fits[k] < DECISIVE_FIT_GAIN * stake:
             return start, rival
     return start, None
 
@@ -102,9 +105,11 @@ def _initial_adjustments(
     starts: list[Start] = []
     why: Insufficient | None = None
     for k, rig in enumerate(rigs):
-        complete = any(start.iteration.share > _COMPLETE for start in starts)
-        supported = rig.support >= _RIVAL_SUPPORT * rigs[0].support
-        if starts and not (supported and (k < _FEW_RIGS or not complete)):
+        complete = any(
+            start.iteration.explained_fraction > MIN_EXPLAINED_TO_STOP for start in starts
+        )
+        supported = rig.support >= MIN_RIVAL_SUPPORT * rigs[0].support
+        if starts and not (supported and (k < MIN_RIGS_TRIED or not complete)):
             break
         tick("first adjustment", k / len(rigs))
         try:
@@ -129,7 +134,7 @@ def _distinct(starts: Sequence[Start]) -> list[Start]:
 def _same_solution(one: Iteration, other: Iteration) -> bool:
     """Whether two adjustments have the same cameras in the same places, to half a frame."""
     same = np.array_equal(one.rig.cameras, other.rig.cameras)
-    return same and not one.differing(other, _SAME_OFFSET_FRAMES * one.observations.step_s)
+    return same and not one.differing(other, SAME_OFFSET_FRAMES * one.observations.step_s)
 
 
 def _repeated(start: Start, adjust: Adjust) -> Start:
@@ -142,5 +147,5 @@ def _repeated(start: Start, adjust: Adjust) -> Start:
 
 def _fits(starts: Sequence[Start]) -> list[float]:
     """How well each start fits, all by the same measure."""
-    scale_px = max(_FIT_SCALE_PX, 2.0 * min(start.iteration.median_px for start in starts))
+    scale_px = max(MIN_FIT_SCALE_PX, 2.0 * min(start.iteration.median_px for start in starts))
     return [start.iteration.fit(scale_px) for start in starts]

@@ -7,11 +7,27 @@ from dataclasses import replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.gauge import spread
 from stcalib_ros.core.bundle.iteration import Iteration, _rig_of
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
+from stcalib_ros.core.bundle.limits import (
+    CONVERGED_FRAMES,
+    CONVERGED_POSE,
+    ENOUGH_SLOTS,
+    FINAL_TOLERANCE,
+    FIRST_FLOOR_PX,
+    FIRST_TOLERANCE,
+    FLOOR_PX,
+    MAX_POINTS_BETWEEN,
+    MAX_POINTS_FIRST,
+    MIN_ITERATIONS,
+    MIN_JOINTS,
+    TOLERANCE,
+)
 from stcalib_ros.core.bundle.observations import Observations, observe
 from stcalib_ros.core.bundle.offset_debiasing import debias_offsets
 from stcalib_ros.core.bundle.outliers import connected, drop_outliers, image_points
+from stcalib_ros.core.bundle.parameters import ParameterLayout
 from stcalib_ros.core.bundle.residuals import errors_px, median_error
 from stcalib_ros.core.bundle.state import BundleState, estimate_motion, initial_state
 from stcalib_ros.core.integration.association import SLOT_SAMPLES, Association, associate
@@ -21,33 +37,25 @@ from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.options import BundleOptions
 
-_FIRST_FLOOR_PX = 15.0
-_FLOOR_PX = 8.0
-_FINAL_TOLERANCE = 0.3
-_TOLERANCE = 1.0
-_MAX_POINTS_FIRST = 5000
-_MAX_POINTS_BETWEEN = 10_000
-_ENOUGH_SLOTS = 12
-
 
 def initial_adjustment(
-    cameras: Sequence[LiftedCamera], rig: Rig, o: BundleOptions, *, step_s: float
+    cameras: Sequence[LiftedCamera], rig: Rig, options: BundleOptions, *, step_s: float
 ) -> Iteration | Disconnected:
     """Associate at the rig of the multi-view integration and adjust on a part of the joints."""
     every = _every_slot(cameras, rig, step_s)
-    association = associate(cameras, rig, step_s=step_s, floor_px=_FIRST_FLOOR_PX, every=every)
+    association = associate(cameras, rig, step_s=step_s, floor_px=FIRST_FLOOR_PX, every=every)
     return _round(
-        *(cameras, rig, association, o, step_s),
-        tolerance=2.0,
+        *(cameras, rig, association, options, step_s),
+        tolerance=FIRST_TOLERANCE,
         every_slot=every,
-        max_points=_MAX_POINTS_FIRST,
+        max_points=MAX_POINTS_FIRST,
     )
 
 
 def istba_iteration(
     cameras: Sequence[LiftedCamera],
     before: Iteration,
-    o: BundleOptions,
+    options: BundleOptions,
     *,
     step_s: float,
     last: bool,
@@ -55,13 +63,13 @@ def istba_iteration(
     """Associate again, adjust without the outliers; on a part of everything until the last."""
     rig = before.rig
     every = 1 if last else _every_slot(cameras, rig, step_s)
-    association = associate(cameras, rig, step_s=step_s, floor_px=_FLOOR_PX, every=every)
-    tolerance = _FINAL_TOLERANCE if last else _TOLERANCE
+    association = associate(cameras, rig, step_s=step_s, floor_px=FLOOR_PX, every=every)
+    tolerance = FINAL_TOLERANCE if last else TOLERANCE
     return _round(
-        *(cameras, rig, association, o, step_s),
+        *(cameras, rig, association, options, step_s),
         tolerance=tolerance,
         every_slot=every,
-        max_points=None if last else _MAX_POINTS_BETWEEN,
+        max_points=None if last else MAX_POINTS_BETWEEN,
         drop=True,
         last=last,
     )
@@ -70,13 +78,13 @@ def istba_iteration(
 def _every_slot(cameras: Sequence[LiftedCamera], rig: Rig, step_s: float) -> int:
     """Step between the slots that are enough to begin with: 600 samples and more."""
     longest = max(float(cameras[c].stamps[-1] - cameras[c].stamps[0]) for c in rig.cameras)
-    return max(1, int(longest / (SLOT_SAMPLES * step_s)) // _ENOUGH_SLOTS)
+    return max(1, int(longest / (SLOT_SAMPLES * step_s)) // ENOUGH_SLOTS)
 
 
 def run_istba(
     cameras: Sequence[LiftedCamera],
     first: Iteration,
-    o: BundleOptions,
+    options: BundleOptions,
     *,
     step_s: float,
     tick: Callable[[float, Iteration], None],
@@ -87,7 +95,7 @@ def run_istba(
     ----------
     cameras : sequence of LiftedCamera
     first : Iteration
-    o : BundleOptions
+    options : BundleOptions
     step_s : float
     tick : callable
         Called before each round with the fraction done and the round before.
@@ -96,16 +104,16 @@ def run_istba(
     -------
     tuple of Iteration or Disconnected
         The first round and the last two; those between would only take memory. The latter as soon
-        as cameras fall apart.
+        as cameras are no longer connected.
     """
     done = [first]
     # The initial adjustment has a part of the joints only: one iteration follows in any case.
-    n_iterations = max(o.rounds, 2)
+    n_iterations = max(options.rounds, 2)
     for n in range(1, n_iterations):
         tick(n / n_iterations, done[-1])
-        settled = n > 2 and _settled(done[-2], done[-1], step_s)
-        last = settled or n == n_iterations - 1
-        result = istba_iteration(cameras, done[-1], o, step_s=step_s, last=last)
+        converged = n >= MIN_ITERATIONS and _converged(done[-2], done[-1], step_s)
+        last = converged or n == n_iterations - 1
+        result = istba_iteration(cameras, done[-1], options, step_s=step_s, last=last)
         if isinstance(result, Disconnected):
             return result
         done = [first, *done[1:][-1:], result]
@@ -114,23 +122,23 @@ def run_istba(
     return tuple(done)
 
 
-def _settled(before: Iteration, after: Iteration, step_s: float) -> bool:
+def _converged(before: Iteration, after: Iteration, step_s: float) -> bool:
     same = all(
         np.array_equal(a, b)
         for a, b in zip(before.association.person_of, after.association.person_of, strict=True)
     )
-    baseline = float(np.linalg.norm(after.rig.t_ref_cam[1]))
-    moved = np.linalg.norm(after.rig.t_ref_cam - before.rig.t_ref_cam, axis=-1).max() / baseline
+    length = spread(after.rig.t_ref_cam)
+    moved = np.linalg.norm(after.rig.t_ref_cam - before.rig.t_ref_cam, axis=-1).max() / length
     turned = np.abs(after.rig.R_ref_cam - before.rig.R_ref_cam).max()
     shifted = np.abs(after.rig.offset_s - before.rig.offset_s).max() / step_s
-    return same and bool(max(moved, turned) < 1e-3 and shifted < 0.02)
+    return same and bool(max(moved, turned) < CONVERGED_POSE and shifted < CONVERGED_FRAMES)
 
 
 def _round(
     cameras: Sequence[LiftedCamera],
     rig: Rig,
     association: Association,
-    o: BundleOptions,
+    options: BundleOptions,
     step_s: float,
     *,
     tolerance: float,
@@ -143,26 +151,26 @@ def _round(
     J = observations.x.shape[2]
     every = 1
     if max_points is not None:
-        every = min(-(-len(observations.person) * J // max_points), J // 4) or 1
+        every = min(-(-len(observations.person) * J // max_points), J // MIN_JOINTS) or 1
         observations = observations.thinned_joints(every)
     state = initial_state(observations, rig)
     if drop:
-        state = drop_outliers(observations, state, o)
+        state = drop_outliers(observations, state, options)
     total = image_points([cameras[c] for c in rig.cameras]) // (every * every_slot)
-    groups = connected(state.used, total)
+    groups = connected(state.inlier, total)
     if len(groups) > 1:
         return Disconnected(tuple(groups))
     state = adjust(
         observations,
         state,
-        iterations=o.max_iterations,
+        iterations=options.max_iterations,
         tolerance=tolerance,
         renew_velocities=last,
     )
     if drop:
-        state = debias_offsets(observations, state, iterations=o.max_iterations)
+        state = debias_offsets(observations, state, iterations=options.max_iterations)
     if last:
-        state = drop_outliers(observations, state, o)
+        state = drop_outliers(observations, state, options)
     coverage = every_slot * J / observations.x.shape[2]
     return finish_iteration(rig, association, observations, state, total, coverage=coverage)
 
@@ -178,18 +186,25 @@ def finish_iteration(
 ) -> Iteration:
     """The record of a round that started from a rig; `total` image points (C,) in all."""
     errors = errors_px(observations, state)
-    median = median_error(errors, state.used)
-    share = float((state.used.sum((0, 2)) / np.maximum(total, 1)).min())
+    median = median_error(errors, state.inlier)
+    share = float((state.inlier.sum((0, 2)) / np.maximum(total, 1)).min())
     return Iteration(_rig_of(state, rig), association, observations, state, median, coverage, share)
 
 
 def readjusted(
-    before: Iteration, observations: Observations, o: BundleOptions, *, last: bool
+    before: Iteration,
+    observations: Observations,
+    options: BundleOptions,
+    *,
+    last: bool,
+    layout: ParameterLayout | None = None,
 ) -> Iteration:
-    """A round whose images were taken at other times, adjusted to them from where it is."""
-    known = before.state.used.sum(1) >= 2
+    """Adjust a round from where it is to images at other times, or to further unknowns."""
+    known = before.state.triangulated()
     V, A = estimate_motion(observations, before.state.X, known)
-    state = drop_outliers(observations, replace(before.state, V=V, A=A), o)
-    tolerance = _FINAL_TOLERANCE if last else _TOLERANCE
-    state = adjust(observations, state, iterations=o.max_iterations, tolerance=tolerance)
-    return before.moved(observations, state)
+    state = drop_outliers(observations, replace(before.state, V=V, A=A), options)
+    tolerance = FINAL_TOLERANCE if last else TOLERANCE
+    state = adjust(
+        observations, state, iterations=options.max_iterations, tolerance=tolerance, layout=layout
+    )
+    return before.with_state(observations, state)

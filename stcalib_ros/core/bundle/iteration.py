@@ -6,6 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.limits import (
+    OTHER_DISTANCE,
+    OTHER_POSITION,
+    OTHER_ROTATION,
+    OTHER_SCALE,
+)
 from stcalib_ros.core.bundle.observations import Observations
 from stcalib_ros.core.bundle.residuals import errors_px, median_error
 from stcalib_ros.core.bundle.state import BundleState
@@ -14,30 +20,19 @@ from stcalib_ros.core.integration.association import Association
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.model.rig import Rig, _part
 
-_OTHER_ROTATION = 0.1
-
-
-_OTHER_POSITION = 0.3
-
-
-_OTHER_DISTANCE = 0.03
-
-
-_OTHER_SCALE = 1.1
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClockSkews:
-    """Rates of the clocks of the cameras (C,) against that of the reference.
+    """Skews of the clocks of the cameras (C,) against that of the reference.
 
     Attributes
     ----------
     skew : (C,) ndarray
-        ``t_ref = t_cam + offset + skew (t_ref - middle_s)``; 0 where not told.
+        ``t_ref = t_cam + offset + skew (t_ref - middle_s)``; 0 where not observable.
     stddev : (C,) ndarray
-        Predicted; of those that are not told, what it would have been.
+        Predicted standard deviation; where not observable, that of an estimate.
     middle_s : float
-        The moment that the offsets of the rig hold for.
+        Time at which the offsets of the rig hold.
     """
 
     skew: Float64Array
@@ -47,68 +42,66 @@ class ClockSkews:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimestampErrors:
-    """Errors of single stamps of the cameras (C,), and what they leave unknown of the clocks.
+    """Jitter of the timestamps of the cameras (C,), and what it leaves unknown of the clocks.
 
     Attributes
     ----------
     stddev_s : (C,) ndarray
-        Of the error of a stamp.
-    offset_variance, rate_variance : (C,) ndarray
-        Of their mean and of their trend, which no image tells from offset and rate of the clock.
+        Standard deviation of the error of one timestamp.
+    offset_variance, skew_variance : (C,) ndarray
+        Variance of the mean and of the trend of the errors: no image separates these from offset
+        and skew of the clock.
     """
 
     stddev_s: Float64Array
     offset_variance: Float64Array
-    rate_variance: Float64Array
+    skew_variance: Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineDelays:
-    """Line times of the shutters of the cameras (C,), estimated.
+    """Line delays of the rolling shutters of the cameras (C,), estimated.
 
     Attributes
     ----------
     line_s : (C,) ndarray
-        Seconds per row; where the recording does not tell it, the given one.
+        Seconds per row; where not observable, the given one.
     stddev_s : (C,) ndarray
-        Predicted; of those that are not told, what it would have been.
+        Predicted standard deviation; where not observable, that of an estimate.
     first_row_s : (C,) ndarray
         What to add to the offsets of the rig for them to hold for row 0.
-    added : (7 C, 7 C) ndarray
-        What not to know the line times adds to the covariance of the cameras, offsets of row 0.
     """
 
     line_s: Float64Array
     stddev_s: Float64Array
     first_row_s: Float64Array
-    added: Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Iteration:
-    """What one round of association, adjustment and outlier removal left.
+    """The result of one round of association, adjustment and outlier removal.
 
     Attributes
     ----------
     rig : Rig
         Poses and offsets after the adjustment.
     association : Association
-        That the adjustment was made with.
+        Association of tracks that the adjustment was made with.
     observations : Observations
     state : BundleState
-        Of the adjustment; `state.used` are the inliers.
+        State of the adjustment; `state.inlier` are the inliers.
     median_px : float
-        Reprojection error of the inliers.
+        Median reprojection error of the inliers, px.
     coverage : float
-        How many image points stand behind each one of the observations.
-    share : float
-        Of all image points of a camera, matched or not, the part that fits; of the camera
-        with the smallest.
-    clocks : ClockSkews or None
-        None where they were not asked for.
-    stamps : TimestampErrors or None
-        None where stamps have no errors that images tell.
-    lines : LineDelays or None
+        Number of keypoints of the recording per observation: more than 1 where these are thinned.
+    explained_fraction : float
+        Fraction of the keypoints of a camera, associated or not, that are inliers; the smallest
+        of all cameras.
+    clock_skews : ClockSkews or None
+        None where the clocks are synchronised, and before they are estimated.
+    timestamp_errors : TimestampErrors or None
+        None where no jitter of the timestamps is observable.
+    line_delays : LineDelays or None
         None where they were not estimated.
     """
 
@@ -118,16 +111,16 @@ class Iteration:
     state: BundleState
     median_px: float
     coverage: float
-    share: float
-    clocks: ClockSkews | None = None
-    stamps: TimestampErrors | None = None
-    lines: LineDelays | None = None
+    explained_fraction: float
+    clock_skews: ClockSkews | None = None
+    timestamp_errors: TimestampErrors | None = None
+    line_delays: LineDelays | None = None
 
-    def moved(self, observations: Observations, state: BundleState) -> Iteration:
+    def with_state(self, observations: Observations, state: BundleState) -> Iteration:
         """The same persons after one more adjustment of the same images."""
         before = replace(self.rig, offset_s=self.rig.offset_s - self.state.shift_s)
         errors = errors_px(observations, state)
-        median = median_error(errors, state.used)
+        median = median_error(errors, state.inlier)
         return replace(
             self,
             rig=_rig_of(state, before),
@@ -138,7 +131,7 @@ class Iteration:
 
     def rms_px(self) -> float:
         """Root mean square reprojection error of the inliers, px; NaN if there is none."""
-        errors = errors_px(self.observations, self.state)[self.state.used]
+        errors = errors_px(self.observations, self.state)[self.state.inlier]
         return float(np.sqrt((errors**2).mean())) if len(errors) else float("nan")
 
     def fit(self, scale_px: float) -> float:
@@ -149,9 +142,9 @@ class Iteration:
         suits them, so that a person split in two groups of cameras explains little.
         """
         errors = errors_px(self.observations, self.state)
-        good = self.observations.seen & np.isfinite(errors)
+        good = self.observations.observed & np.isfinite(errors)
         value = (1.0 / (1.0 + (errors[good] / scale_px) ** 2)).sum()
-        n_points = (self.state.used.sum(1) >= 2).sum()
+        n_points = self.state.triangulated().sum()
         return float((value - 1.5 * n_points) * self.coverage)
 
     def differing(self, other: Iteration, tolerance_s: float) -> int:
@@ -190,13 +183,13 @@ def _rig_of(state: BundleState, rig: Rig) -> Rig:
 def _elsewhere(one: Rig, other: Rig, tolerance_s: float) -> BoolArray:
     """Cameras (C,) that stand, look or run elsewhere in another rig of the same cameras.
 
-    By how much most of them are further away is the size that the people are taken for.
+    Compared at one scale: the solutions may take the people for larger or smaller.
     """
     turned = rotation_angle(np.swapaxes(one.R_ref_cam, -1, -2) @ other.R_ref_cam)
     reach, its_reach = (np.linalg.norm(rig.t_ref_cam, axis=-1) for rig in (one, other))
     scale = np.median(reach[1:] / np.maximum(its_reach[1:], 1e-9))
-    scale = np.clip(scale, 1 / _OTHER_SCALE, _OTHER_SCALE)
-    apart = np.linalg.norm(one.t_ref_cam - scale * other.t_ref_cam, axis=-1)
+    scale = np.clip(scale, 1 / OTHER_SCALE, OTHER_SCALE)
+    distance = np.linalg.norm(one.t_ref_cam - scale * other.t_ref_cam, axis=-1)
     shifted = np.abs(one.offset_s - other.offset_s)
-    moved = apart > _OTHER_POSITION + _OTHER_DISTANCE * reach
-    return np.asarray((turned > _OTHER_ROTATION) | moved | (shifted > tolerance_s))
+    moved = distance > OTHER_POSITION + OTHER_DISTANCE * reach
+    return np.asarray((turned > OTHER_ROTATION) | moved | (shifted > tolerance_s))

@@ -15,36 +15,40 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core.bundle.normal_equations import (
-    CAMERA,
     BackSubstitution,
     Block,
-    Cameras,
     Linearisation,
     ReducedSystem,
 )
 from stcalib_ros.core.bundle.observations import Observations, blocks_of
-from stcalib_ros.core.bundle.residuals import errors_px, robust_scale
+from stcalib_ros.core.bundle.parameters import ParameterLayout
+from stcalib_ros.core.bundle.residuals import noise_px
 from stcalib_ros.core.bundle.state import BundleState, estimate_motion
-from stcalib_ros.core.geometry.robust import CAUCHY, MIN_SCALE_PX
-from stcalib_ros.core.geometry.so3 import exp_so3
+from stcalib_ros.core.geometry.robust import CAUCHY
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 
 _MIN_RENEWALS = 4
+"""Count. Steps with velocities read anew before an adjustment may end. Numerical."""
+
+_FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _DAMPING_FACTOR = 1e-5, 1e-9, 1e4, 10.0
+"""Fractions of the diagonal, and their ratio from step to step. Numerical: the usual choice of
+Levenberg and Marquardt; starts are near the optimum."""
 
 
 def adjust(
-    o: Observations,
+    obs: Observations,
     state: BundleState,
     *,
     iterations: int,
     tolerance: float,
     renew_velocities: bool = False,
+    layout: ParameterLayout | None = None,
 ) -> BundleState:
     """Levenberg-Marquardt on the robust cost.
 
     Parameters
     ----------
-    o : Observations
+    obs : Observations
     state : BundleState
         Start.
     iterations : int
@@ -54,68 +58,41 @@ def adjust(
         of the squared Mahalanobis length).
     renew_velocities : bool
         Read V from the trajectories again after every step; else it stays as it is.
+    layout : ParameterLayout, optional
+        Unknowns that are estimated; default: poses and time offsets.
     """
-    damping = 1e-5
-    scale = CAUCHY * max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
-    problem = PointProblem(o, state, scale)
+    damping = _FIRST_DAMPING
+    scale = CAUCHY * noise_px(obs, state)
+    problem = PointProblem(obs, state, scale, layout)
     least = _MIN_RENEWALS if renew_velocities else 0
     for step in range(iterations):
         here = problem.reduce(damping)
-        there = problem.moved(here)
+        there = problem.apply_step(here)
         if there.cost < here.cost:
             problem = there.problem
-            damping = max(damping / 10.0, 1e-9)
+            damping = max(damping / _DAMPING_FACTOR, _LEAST_DAMPING)
             if renew_velocities:
                 state = problem.state_of(state)
-                V, A = estimate_motion(o, state.X, state.used.sum(1) >= 2)
+                V, A = estimate_motion(obs, state.X, state.triangulated())
                 state = replace(state, V=V, A=A)
-                problem = PointProblem(o, state, scale)
+                problem = PointProblem(obs, state, scale, layout)
             if there.length < tolerance and step >= least:
                 break
         else:
-            damping *= 10.0
-            if damping > 1e4:
+            damping *= _DAMPING_FACTOR
+            if damping > _MOST_DAMPING:
                 break
     return problem.state_of(state)
 
 
-def reduced_by_group(
-    o: Observations, state: BundleState, group: IntArray
-) -> tuple[Float64Array, Float64Array]:
-    """Undamped reduced normal equations of groups of rows.
-
-    Parameters
-    ----------
-    o : Observations
-    state : BundleState
-    group : (N,) ndarray of int
-        Number of the group of each row.
-
-    Returns
-    -------
-    H : (K, 7 C, 7 C) ndarray
-    g : (K, 7 C) ndarray
-        Both in units of the noise of the image points.
-    """
-    sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
-    H, g = [], []
-    for k in range(int(group.max()) + 1):
-        rows = np.flatnonzero(group == k)
-        problem = PointProblem(o.only(rows), state.only(rows), CAUCHY * sigma)
-        system = problem.reduce(0.0).system
-        H.append(system.H / sigma**2)
-        g.append(system.g / sigma**2)
-    return np.stack(H), np.stack(g)
-
-
 def time_sums(
-    o: Observations, state: BundleState, group: IntArray
+    obs: Observations, state: BundleState, group: IntArray
 ) -> tuple[Float64Array, Float64Array]:
     """Normal equations of the times of the images of groups of rows, cameras given.
 
     Parameters
     ----------
-    o : Observations
+    obs : Observations
     state : BundleState
     group : (N,) ndarray of int
         Number of the group of each row; each camera has one time in each.
@@ -126,9 +103,9 @@ def time_sums(
     g : (K, C) ndarray
         Both in units of the noise of the image points, the points eliminated.
     """
-    sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
-    problem = PointProblem(o, state, CAUCHY * sigma)
-    K, C, J = int(group.max()) + 1, *o.seen.shape[1:]
+    sigma = noise_px(obs, state)
+    problem = PointProblem(obs, state, CAUCHY * sigma)
+    K, C, J = int(group.max()) + 1, *obs.observed.shape[1:]
     H, g = np.zeros((K, C, C)), np.zeros((K, C))
     for block, at in problem.linearised():
         number = group[block.points // J]
@@ -142,27 +119,29 @@ def time_sums(
 
 
 def cluster_scores(
-    o: Observations, state: BundleState, cluster: IntArray
+    obs: Observations, state: BundleState, cluster: IntArray, layout: ParameterLayout | None = None
 ) -> tuple[ReducedSystem, Float64Array]:
     """Undamped reduced normal equations at a state, and what clusters of points add to them.
 
     Parameters
     ----------
-    o : Observations
+    obs : Observations
     state : BundleState
     cluster : (N, J) ndarray of int
         Number of the cluster that each point belongs to.
+    layout : ParameterLayout, optional
+        Default: poses and time offsets.
 
     Returns
     -------
     system : ReducedSystem
-    scores : (7 C, n) ndarray
+    scores : (layout.size, n) ndarray
         Share of each cluster in the gradient; their sum is ``system.g``.
     """
-    sigma = max(robust_scale(errors_px(o, state), state.used), MIN_SCALE_PX)
-    problem = PointProblem(o, state, CAUCHY * sigma)
+    sigma = noise_px(obs, state)
+    problem = PointProblem(obs, state, CAUCHY * sigma, layout)
     labels, n = cluster.ravel(), int(cluster.max(initial=-1)) + 1
-    k = CAMERA * len(state.t_cam_ref)
+    k = problem.layout.size
     H, g, scores = np.zeros((k, k)), np.zeros(k), np.zeros((k, n))
     for block, at in problem.linearised():
         system, of_points = at.scores(problem.scale)
@@ -184,7 +163,7 @@ class ReducedProblem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
+class SolverStep:
     """The adjustment after a step.
 
     Attributes
@@ -204,24 +183,31 @@ class Step:
 class PointProblem:
     """The adjustment at one state of the unknowns; V, A and the choice of points are given."""
 
-    def __init__(self, o: Observations, state: BundleState, scale: float) -> None:
-        self.o, self.state, self.scale = o, state, scale
-        self.cameras = Cameras(state.R_cam_ref, state.t_cam_ref, state.shift_s)
+    def __init__(
+        self,
+        obs: Observations,
+        state: BundleState,
+        scale: float,
+        layout: ParameterLayout | None = None,
+    ) -> None:
+        self.obs, self.state, self.scale = obs, state, scale
+        self.layout = layout or state.layout
+        self.cameras = state.cameras
 
     def blocks(self) -> Iterator[Block]:
         """All points, a block at a time."""
-        for rows in blocks_of(self.o):
-            yield Block(self.o, self.state.used, self.state.V, self.state.A, rows)
+        for rows in blocks_of(self.obs):
+            yield Block(self.obs, self.state.inlier, self.state.V, self.state.A, rows)
 
     def linearised(self) -> Iterator[tuple[Block, Linearisation]]:
         """The same with their predictions."""
         X = self.state.X.reshape(-1, 3)
         for block in self.blocks():
-            yield block, block.at(self.cameras, X[block.points])
+            yield block, block.at(self.cameras, X[block.points], self.layout)
 
     def reduce(self, damping: float) -> ReducedProblem:
         """Eliminate the points."""
-        n = CAMERA * len(self.cameras.t)
+        n = self.layout.size
         H, g, diagonal, cost = np.zeros((n, n)), np.zeros(n), np.zeros(n), 0.0
         eliminated = []
         for _, at in self.linearised():
@@ -234,61 +220,24 @@ class PointProblem:
         H[range(n), range(n)] += damping * diagonal
         return ReducedProblem(cost, ReducedSystem(H, g), eliminated)
 
-    def moved(self, by: ReducedProblem) -> Step:
-        """The problem after the step of a system; the reference pose and the scale stay."""
+    def apply_step(self, by: ReducedProblem) -> SolverStep:
+        """The problem after the step of a system; the pose of the reference and the scale stay."""
         system = by.system
-        d_camera = -solve_reduced(system, self.cameras.t, synchronised=self.state.synchronised)
+        d_camera = -self.layout.solve(system.H, system.g, self.cameras)
         flat = d_camera.ravel()
         length = np.sqrt(max(float(flat @ system.H @ flat), 0.0)) * CAUCHY / self.scale
-        cameras = Cameras(
-            exp_so3(d_camera[:, :3]) @ self.cameras.R,
-            self.cameras.t + d_camera[:, 3:6],
-            self.cameras.shift + d_camera[:, 6],
-        )
+        cameras = self.layout.retract(self.cameras, d_camera)
         X, cost = self.state.X.copy(), 0.0
         flat_X = X.reshape(-1, 3)
         for (block, at), points in zip(self.linearised(), by.eliminated, strict=True):
-            moved = at.followed(points, self.scale, d_camera)
+            moved = at.back_substitute(points, self.scale, d_camera)
             flat_X[block.points] = moved
             cost += block.at(cameras, moved).cost(self.scale)
-        state = replace(
-            self.state, R_cam_ref=cameras.R, t_cam_ref=cameras.t, shift_s=cameras.shift, X=X
+        state = replace(self.state.with_cameras(cameras), X=X)
+        return SolverStep(
+            PointProblem(self.obs, state, self.scale, self.layout), cost, float(length)
         )
-        return Step(PointProblem(self.o, state, self.scale), cost, float(length))
 
     def state_of(self, before: BundleState) -> BundleState:
-        """The state, the scale put back exactly to what it was before."""
-        length = float(np.linalg.norm(before.t_cam_ref[1]))
-        factor = length / float(np.linalg.norm(self.cameras.t[1]))
-        scaled = {n: getattr(self.state, n) * factor for n in ("t_cam_ref", "X", "V", "A")}
-        return replace(self.state, **scaled)
-
-
-def gauge(t_cam_ref: Float64Array, *, synchronised: bool = False) -> tuple[IntArray, Float64Array]:
-    """Free parameters and the direction of the scale among the camera unknowns.
-
-    Returns
-    -------
-    free : (7 C - 7,) ndarray of int
-        All but those of the reference camera, and but the offsets of synchronised ones.
-    scale : (7 C,) ndarray
-        Unit vector along which the first baseline grows.
-    """
-    C = len(t_cam_ref)
-    scale = np.zeros(CAMERA * C)
-    scale[CAMERA + 3 : CAMERA + 6] = t_cam_ref[1] / np.linalg.norm(t_cam_ref[1])
-    free = np.arange(CAMERA, CAMERA * C, dtype=np.int64)
-    return free[free % CAMERA != CAMERA - 1] if synchronised else free, scale
-
-
-def solve_reduced(
-    system: ReducedSystem, t_cam_ref: Float64Array, *, synchronised: bool = False
-) -> Float64Array:
-    """Solution (C, 7) of the reduced system with the reference and the first baseline fixed."""
-    free, scale = gauge(t_cam_ref, synchronised=synchronised)
-    H = system.H + 1e6 * np.diag(system.H).max() * np.outer(scale, scale)
-    H = H[np.ix_(free, free)]
-    H[range(len(H)), range(len(H))] += 1e-12 * np.trace(H)
-    out = np.zeros(len(system.g))
-    out[free] = np.linalg.solve(H, system.g[free])
-    return out.reshape(-1, CAMERA)
+        """The state, the length of the gauge exactly what it was before."""
+        return self.state.scaled(before.cameras.length() / self.cameras.length())

@@ -1,7 +1,7 @@
 """The normal equations of the bundle adjustment, the points eliminated block by block.
 
 A block is a few thousand points: what belongs to its points fits into the cache and is
-forgotten when its share of the reduced system has been added up, so that memory does not grow
+forgotten when its part of the reduced system has been added up, so that memory does not grow
 with the length of the recording.
 
 With ``y = R X(t)`` and ``u`` the projection of ``y + t``, both Jacobians of an image point are
@@ -16,20 +16,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.bundle.observations import Observations
+from stcalib_ros.core.bundle.parameters import (
+    ROTATION,
+    TIME_OFFSET,
+    TRANSLATION,
+    Cameras,
+    CameraUnknown,
+    ParameterLayout,
+    PointTimes,
+)
+from stcalib_ros.core.bundle.residuals import Projection
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
-
-CAMERA = 7  # rotation, translation, offset
-NEAREST = 0.1
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Cameras:
-    """Poses (C, 3, 3), (C, 3) to camera coordinates and corrections (C,) of the offsets."""
-
-    R: Float64Array
-    t: Float64Array
-    shift: Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,9 +36,9 @@ class ReducedSystem:
 
     Attributes
     ----------
-    H : (7 C, 7 C) ndarray
-        In the order rotation, translation, offset of each camera.
-    g : (7 C,) ndarray
+    H : (n, n) ndarray
+        In the order of a `ParameterLayout`.
+    g : (n,) ndarray
     """
 
     H: Float64Array
@@ -60,8 +58,8 @@ class Block:
 
     Parameters
     ----------
-    o : Observations
-    used : (N, C, J) ndarray of bool
+    obs : Observations
+    inlier : (N, C, J) ndarray of bool
         Image points that take part.
     V, A : (N, J, 3) ndarray
         Velocities and accelerations.
@@ -69,7 +67,7 @@ class Block:
     """
 
     def __init__(
-        self, o: Observations, used: BoolArray, V: Float64Array, A: Float64Array, rows: slice
+        self, obs: Observations, used: BoolArray, V: Float64Array, A: Float64Array, rows: slice
     ) -> None:
         n, C, J = used[rows].shape
         mask = used[rows].transpose(1, 0, 2).reshape(C, n * J)
@@ -77,54 +75,40 @@ class Block:
         keep: slice | IntArray = slice(None) if inside.all() else np.flatnonzero(inside)
         self.mask = mask[:, keep]
         self.points: IntArray = rows.start * J + np.flatnonzero(inside)
-        self.x = o.x[rows].transpose(1, 3, 0, 2).reshape(C, 2, n * J)[:, :, keep]
-        focal = o.focal[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
+        self.x = obs.x[rows].transpose(1, 3, 0, 2).reshape(C, 2, n * J)[:, :, keep]
+        focal = obs.focal[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
         self.focal: Float64Array = focal * self.mask
-        elapsed = np.broadcast_to(o.elapsed(rows), (n, C, J))
+        elapsed = np.broadcast_to(obs.elapsed(rows), (n, C, J))
         self.phi = elapsed.transpose(1, 0, 2).reshape(C, n * J)[:, keep]
-        self.row = (
-            None if o.row is None else o.row[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
+        row = (
+            None if obs.row is None else obs.row[rows].transpose(1, 0, 2).reshape(C, n * J)[:, keep]
         )
+        since = np.repeat(obs.since_middle(rows), J)[keep]
+        self.times = PointTimes(since, np.zeros((1, 1)) if row is None else row)
         self.V = V[rows].reshape(-1, 3)[keep].T
         self.A = A[rows].reshape(-1, 3)[keep].T
 
-    def at(self, cameras: Cameras, X: Float64Array) -> Linearisation:
-        """Image points predicted for joints X (P, 3)."""
-        return Linearisation(self, cameras, X.T)
+    def at(
+        self, cameras: Cameras, X: Float64Array, layout: ParameterLayout | None = None
+    ) -> Linearisation:
+        """Keypoints predicted for joints X (P, 3); default layout: poses and time offsets."""
+        return Linearisation(self, cameras, X.T, layout or ParameterLayout(len(cameras.t)))
 
 
-class Linearisation:
+class Linearisation(Projection):
     """Predictions and residuals of a block, and the sums that follow from them."""
 
-    def __init__(self, block: Block, cameras: Cameras, X: Float64Array) -> None:
-        self.block, self.cameras, self.X = block, cameras, X
+    def __init__(
+        self, block: Block, cameras: Cameras, X: Float64Array, layout: ParameterLayout
+    ) -> None:
+        self.block, self.X, self.layout = block, X, layout
         R = cameras.R
-        when = (block.phi + cameras.shift[:, None])[:, None]
+        when = (block.phi + cameras.delay(block.times))[:, None]
         half = when * (0.5 * R @ block.A)
-        self.RV = R @ block.V + half
-        self.Y = R @ X + when * self.RV
-        self.RV += half
-        Z = self.Y + cameras.t[:, :, None]
-        self.ahead = Z[:, 2] > NEAREST
-        self.inverse_depth = 1.0 / np.where(self.ahead, Z[:, 2], 1.0)
-        self.u = Z[:, :2] * self.inverse_depth[:, None]
-        self.r = (self.u - block.x) * block.focal[:, None]
-        self.squared = self.r[:, 0] ** 2 + self.r[:, 1] ** 2
-
-    def cost(self, scale: float) -> float:
-        """Robust cost; a point behind its camera counts as far off."""
-        far = (1e3 * scale) ** 2 * self.block.mask
-        squared = np.where(self.ahead, self.squared, far)
-        return float(np.log1p(squared / scale**2).sum())
-
-    def _weighted(self, scale: float) -> tuple[Float64Array, Float64Array]:
-        """The factor m (C, P) of M, and ``A^T w r`` (C, 3, P)."""
-        gain = self.block.focal * self.inverse_depth
-        pull = gain * self.ahead / (1.0 + self.squared / scale**2)
-        q = np.empty_like(self.Y)
-        np.multiply(self.r, pull[:, None], out=q[:, :2])
-        q[:, 2] = -(self.u[:, 0] * q[:, 0] + self.u[:, 1] * q[:, 1])
-        return gain * pull, q
+        velocity = R @ block.V + half
+        y = R @ X + when * velocity
+        velocity += half
+        super().__init__(cameras, y, velocity, block.times, block.x, block.focal)
 
     def reduce(
         self, scale: float, damping: float
@@ -135,37 +119,37 @@ class Linearisation:
         -------
         system : ReducedSystem
             Without damping of the cameras.
-        diagonal : (7 C,) ndarray
+        diagonal : (n,) ndarray
             Of the camera block before the elimination: what damping multiplies.
-        eliminated : Eliminated
-        T : (3, 7 C, P) ndarray
+        eliminated : BackSubstitution
+        T : (3, n, P) ndarray
             ``L^-1 W^T``.
         """
-        m, q = self._weighted(scale)
-        C, P = m.shape
+        m, q = self.weighted(scale)
+        (C, P), n = m.shape, self.layout.block
         N = self._camera_rows(m)
         H_cc = self._camera_block(N)
         R_T = np.swapaxes(self.cameras.R, -1, -2)
         T = np.empty_like(N)
-        flat = (one.reshape(3, C, CAMERA * P).transpose(1, 0, 2) for one in (N, T))
+        flat = (one.reshape(3, C, n * P).transpose(1, 0, 2) for one in (N, T))
         source, target = flat
         np.matmul(R_T, source, out=target)
         H_pp = self._point_block(T)
         factors = cholesky3(H_pp, damping)
-        T = forward_solve(factors, T).reshape(3, C * CAMERA, P)
+        T = forward_solve(factors, T).reshape(3, C * n, P)
         z = forward_solve(factors, (R_T @ q).sum(0))
         H = -(T[0] @ T[0].T) - T[1] @ T[1].T - T[2] @ T[2].T
         for c in range(C):
-            block = slice(c * CAMERA, (c + 1) * CAMERA)
+            block = self.layout.of_camera(c)
             H[block, block] += H_cc[c]
         g = self._gradients(q).sum(-1).ravel() - sum(T[k] @ z[k] for k in range(3))
-        diagonal = H_cc[:, range(CAMERA), range(CAMERA)].ravel()
+        diagonal = H_cc[:, range(n), range(n)].ravel()
         return ReducedSystem(H, g), diagonal, BackSubstitution(factors, z), T
 
     def scores(self, scale: float) -> tuple[ReducedSystem, Float64Array]:
-        """The system without damping, and the reduced gradients (7 C, P) of the single points."""
+        """The system without damping, and the reduced gradients (n, P) of the single points."""
         system, _, eliminated, T = self.reduce(scale, 0.0)
-        _, q = self._weighted(scale)
+        _, q = self.weighted(scale)
         direct = self._gradients(q).reshape(T.shape[1:])
         return system, np.asarray(direct - np.einsum("kap,kp->ap", T, eliminated.z))
 
@@ -190,7 +174,7 @@ class Linearisation:
         g : (C, P) ndarray
             Gradient with the points eliminated.
         """
-        m, q = self._weighted(scale)
+        m, q = self.weighted(scale)
         R_T = np.swapaxes(self.cameras.R, -1, -2)
         RV = self.RV if V is None else self.cameras.R @ V
         pull = self._pull(m, RV)
@@ -201,8 +185,8 @@ class Linearisation:
         return (pull * RV).sum(1), y, g
 
     def unweighted_factors(self) -> tuple[Float64Array, ...]:
-        """Cholesky factors of what the points are told by, all image points weighing alike."""
-        return self._point_factors(self._weighted(np.inf)[0])
+        """Cholesky factors of the points' own normal equations, all keypoints of one weight."""
+        return self._point_factors(self.weighted(np.inf)[0])
 
     def _point_factors(self, m: Float64Array) -> tuple[Float64Array, ...]:
         """Cholesky factors of the sums of ``R^T M R`` over the cameras."""
@@ -212,46 +196,27 @@ class Linearisation:
         A = (rows * np.sqrt(m)[:, None, None]).reshape(2 * C, 3, P)
         return cholesky3(np.einsum("njp,nkp->jkp", A, A), 0.0)
 
-    def with_lines(self, scale: float) -> tuple[Float64Array, Float64Array]:
-        """Normal equations of the cameras and of their line times, without damping.
-
-        A line time acts like an offset, times the rows of the points.
-
-        Returns
-        -------
-        H : (8 C, 8 C) ndarray
-            Those of the cameras first, then the line times.
-        scores : (8 C, P) ndarray
-            Reduced gradients of the single points.
-        """
-        system, _, eliminated, T = self.reduce(scale, 0.0)
-        m, q = self._weighted(scale)
-        row = np.asarray(self.block.row)
-        C, P = m.shape
-        by_camera = self._gradients(self._pull(m, self.RV)) * row[:, None]
-        by_point = T[:, CAMERA - 1 :: CAMERA] * row
-        mixed = -np.einsum("kap,kcp->ac", T, by_point, optimize=True)
-        lines = -np.einsum("kcp,kdp->cd", by_point, by_point, optimize=True)
-        for c in range(C):
-            mixed[CAMERA * c : CAMERA * (c + 1), c] += by_camera[c].sum(-1)
-            lines[c, c] += (by_camera[c, CAMERA - 1] * row[c]).sum()
-        direct = self._gradients(q).reshape(CAMERA * C, P)
-        scores = direct - np.einsum("kap,kp->ap", T, eliminated.z)
-        of_lines = scores[CAMERA - 1 :: CAMERA] * row
-        H = np.block([[system.H, mixed], [mixed.T, lines]])
-        return H, np.concatenate([scores, of_lines])
-
-    def followed(
+    def back_substitute(
         self, eliminated: BackSubstitution, scale: float, d_camera: Float64Array
     ) -> Float64Array:
-        """Joints (P, 3) after a step (C, 7) of the cameras and the step of the points to it."""
-        m, _ = self._weighted(scale)
-        omega, d_t, d_shift = d_camera[:, :3], d_camera[:, 3:6], d_camera[:, 6]
-        moved = hat(omega) @ self.Y + d_t[:, :, None] + d_shift[:, None, None] * self.RV
+        """Joints (P, 3) after a step (C, n) of the cameras and the step of the points to it."""
+        m, _ = self.weighted(scale)
+        omega, d_t, d_shift = (
+            d_camera[:, self.layout.within(unknown)]
+            for unknown in (ROTATION, TRANSLATION, TIME_OFFSET)
+        )
+        moved = hat(omega) @ self.Y + d_t[:, :, None] + d_shift[:, :, None] * self.RV
+        for unknown in self.layout.further:
+            step = d_camera[:, self.layout.within(unknown)]
+            moved += step[:, :, None] * self._displacement(unknown)
         pull = self._pull(m, moved)
         towards = (np.swapaxes(self.cameras.R, -1, -2) @ pull).sum(0)
         y = eliminated.z + forward_solve(eliminated.factors, towards)
         return np.asarray((self.X - backward_solve(eliminated.factors, y)).T)
+
+    def _displacement(self, unknown: CameraUnknown) -> Float64Array:
+        """Displacements (C, 3, P) by an unknown beyond pose and time offset, per unit."""
+        return np.asarray(unknown.derivative(self.view)[:, 0])
 
     def _pull(self, m: Float64Array, moved: Float64Array) -> Float64Array:
         """``M`` times displacements (C, 3, P) in the axes of the cameras."""
@@ -261,9 +226,12 @@ class Linearisation:
         return pull
 
     def _camera_rows(self, m: Float64Array) -> Float64Array:
-        """Rows j of ``M [-y x, I, R V]``, (3, C, 7, P)."""
+        """Rows j of M times the displacements by each unknown, (3, C, n, P).
+
+        Those by pose and time offset, ``[-y x, I, R V]``, are written out for speed.
+        """
         C, P = m.shape
-        N = np.empty((3, C, CAMERA, P))
+        N = np.empty((3, C, self.layout.block, P))
         Y, RV, u = self.Y, self.RV, self.u
         mu = m[:, None] * u
         N[0, :, 3], N[0, :, 4], N[0, :, 5] = m, 0.0, -mu[:, 0]
@@ -276,37 +244,49 @@ class Linearisation:
             N[j, :, 1] = Y[:, 2] * a - Y[:, 0] * c
             N[j, :, 2] = Y[:, 0] * b - Y[:, 1] * a
             N[j, :, 6] = a * RV[:, 0] + b * RV[:, 1] + c * RV[:, 2]
+        for unknown in self.layout.further:
+            own = self.layout.within(unknown)
+            N[:, :, own.start] = self._pull(m, self._displacement(unknown)).swapaxes(0, 1)
         return N
 
     def _camera_block(self, N: Float64Array) -> Float64Array:
-        """Sums (C, 7, 7) of ``J^T w J`` over the points, by moments of N with y and R V."""
+        """Sums (C, n, n) of ``J^T w J`` over the points.
+
+        By moments of N with y and R V for pose and time offset.
+        """
         C, P = self.squared.shape
         with_what = np.concatenate([self.Y, self.RV, np.ones((C, 1, P))], 1)
         Q = N @ with_what.transpose(0, 2, 1)
-        H = np.empty((C, CAMERA, CAMERA))
+        H = np.empty((C, self.layout.block, self.layout.block))
         for b in range(3):
             i, k = (b + 1) % 3, (b + 2) % 3
             H[:, :, b] = Q[k, :, :, i] - Q[i, :, :, k]
             H[:, :, 3 + b] = Q[b, :, :, 6]
         H[:, :, 6] = Q[0, :, :, 3] + Q[1, :, :, 4] + Q[2, :, :, 5]
+        for unknown in self.layout.further:
+            own = self.layout.within(unknown)
+            moved = self._displacement(unknown)
+            H[:, :, own] = sum(N[j] @ moved[:, j, :, None] for j in range(3))
         return H
 
     def _point_block(self, W: Float64Array) -> Float64Array:
-        """Sums (3, 3, P) of ``R^T M R`` over the cameras; W (3, C, 7, P) holds ``R^T M``."""
-        _, C, _, P = W.shape
-        R = np.zeros((C, CAMERA, 3))
-        R[:, 3:6] = self.cameras.R
-        return np.asarray(R.reshape(-1, 3).T @ W.reshape(3, C * CAMERA, P))
+        """Sums (3, 3, P) of ``R^T M R`` over the cameras; W (3, C, n, P) holds ``R^T M``."""
+        _, C, n, P = W.shape
+        R = np.zeros((C, n, 3))
+        R[:, self.layout.within(TRANSLATION)] = self.cameras.R
+        return np.asarray(R.reshape(-1, 3).T @ W.reshape(3, C * n, P))
 
     def _gradients(self, q: Float64Array) -> Float64Array:
-        """Camera gradients (C, 7, P) of the single points."""
-        out = np.empty((len(q), CAMERA, q.shape[-1]))
+        """Camera gradients (C, n, P) of the single points."""
+        out = np.empty((len(q), self.layout.block, q.shape[-1]))
         Y = self.Y
         for b in range(3):
             i, k = (b + 1) % 3, (b + 2) % 3
             out[:, b] = Y[:, i] * q[:, k] - Y[:, k] * q[:, i]
-        out[:, 3:6] = q
-        out[:, 6] = (q * self.RV).sum(1)
+        out[:, self.layout.within(TRANSLATION)] = q
+        out[:, self.layout.within(TIME_OFFSET).start] = (q * self.RV).sum(1)
+        for unknown in self.layout.further:
+            out[:, self.layout.within(unknown).start] = (q * self._displacement(unknown)).sum(1)
         return out
 
 

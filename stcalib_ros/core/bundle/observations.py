@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.limits import FURTHEST_BINS
+from stcalib_ros.core.bundle.parameters import PointTimes
 from stcalib_ros.core.integration.association import Association
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
-
-_FURTHEST = 0.75
-"""Steps from an image to its knot."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +27,7 @@ class Observations:
 
     Attributes
     ----------
-    person, knot : (N,) ndarray of int
+    person, time_bin : (N,) ndarray of int
         Rows are sorted by person, then knot.
     track : (N, C) ndarray of int
         Index of the track that the points come from; -1 where none.
@@ -38,7 +37,7 @@ class Observations:
         Points on the plane z = 1; 0 where not seen.
     focal : (N, C, J) ndarray
         Pixels per unit of x.
-    seen : (N, C, J) ndarray of bool
+    observed : (N, C, J) ndarray of bool
     start_s, step_s : float
         Time of knot 0 and between knots.
     row : (N, C, J) ndarray or None
@@ -46,19 +45,31 @@ class Observations:
         seen. None where all shutters take all rows at once.
     line_s : (C,) ndarray or None
         Line times of the shutters, seconds per row.
+    middle_s : float
+        Time at which clocks with a skew have the offsets of the rig.
     """
 
     person: IntArray
-    knot: IntArray
+    time_bin: IntArray
     track: IntArray
     phi: Float64Array
-    x: Float64Array
-    focal: Float64Array
-    seen: BoolArray
+    x: Float32Array
+    focal: Float32Array
+    observed: BoolArray
     start_s: float
     step_s: float
-    row: Float64Array | None = None
+    row: Float32Array | None = None
     line_s: Float64Array | None = None
+    middle_s: float = 0.0
+
+    def since_middle(self, rows: slice | IntArray = slice(None)) -> Float64Array:
+        """Time (n,) of rows after the middle of the recording, s."""
+        return np.asarray(self.start_s + self.time_bin[rows] * self.step_s - self.middle_s)
+
+    def point_times(self, rows: slice | IntArray = slice(None)) -> PointTimes:
+        """What the delays of the points of rows depend on: (n, 1, 1) and (n, C, J)."""
+        row = np.zeros((1, 1, 1)) if self.row is None else self.row[rows]
+        return PointTimes(self.since_middle(rows)[:, None, None], row)
 
     def elapsed(self, rows: slice | IntArray = slice(None)) -> Float64Array:
         """Time of the points after their knots by the offsets of the rig, seconds.
@@ -76,13 +87,13 @@ class Observations:
             self,
             x=self.x[:, :, ::n].copy(),
             focal=self.focal[:, :, ::n].copy(),
-            seen=self.seen[:, :, ::n].copy(),
+            observed=self.observed[:, :, ::n].copy(),
             row=None if self.row is None else self.row[:, :, ::n].copy(),
         )
 
     def only(self, rows: IntArray | BoolArray) -> Observations:
         """The same with some rows only."""
-        names = ("person", "knot", "track", "phi", "x", "focal", "seen")
+        names = ("person", "time_bin", "track", "phi", "x", "focal", "observed")
         row = None if self.row is None else self.row[rows]
         return replace(self, row=row, **{name: getattr(self, name)[rows] for name in names})
 
@@ -119,27 +130,30 @@ def observe(
         phi[there, c], track[there, c] = images.phi[image], images.track[image]
         if row is not None and images.rows is not None:
             row[there, c] = np.where(known, images.rows[image], 0.0)
+    person, knot = rows // n_knots, rows % n_knots
+    middle = 0.5 * float(knot.min() + knot.max()) * step_s if N else 0.0
     return Observations(
-        *(rows // n_knots, rows % n_knots, track, phi, x, focal, seen),
+        *(person, knot, track, phi, x, focal, seen),
         *(association.start_s, step_s, row),
         np.array([m.shutter.line_time_s for m in members]) if rolling else None,
+        association.start_s + middle,
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Images:
+class _CameraImages:
     person: IntArray
     knot: IntArray
     phi: Float64Array
     track: IntArray
-    x: Float64Array
-    focal: Float64Array
+    x: Float32Array
+    focal: Float32Array
     rows: Float64Array | None = None
 
 
 def _images(
     camera: LiftedCamera, rig: Rig, i: int, association: Association, step_s: float
-) -> _Images:
+) -> _CameraImages:
     """All images of associated persons of one camera, with the knots they belong to."""
     parts = []
     times = camera.stamps + rig.offset_s[i]
@@ -153,7 +167,7 @@ def _images(
         index = np.full(len(frames), p, dtype=np.int64)
         part = (person[use], knots[frames], late[frames], index, track.x[use], track.focal[use])
         parts.append(part if track.rows is None else (*part, track.rows[use]))
-    return _Images(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return _CameraImages(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def nearest_knots(position: Float64Array) -> IntArray:
@@ -166,18 +180,19 @@ def nearest_knots(position: Float64Array) -> IntArray:
     for first, way in ((0, -1), (1, 1)):
         movable = np.flatnonzero(knot[1:] == knot[:-1]) + first
         to = knot[movable] + way
-        free = ~np.isin(to, knot) & (np.abs(position[movable] - to) < _FURTHEST)
+        free = ~np.isin(to, knot) & (np.abs(position[movable] - to) < FURTHEST_BINS)
         knot[movable[free]] = to[free]
     return knot
 
 
-def blocks_of(o: Observations) -> Iterator[slice]:
+def blocks_of(obs: Observations) -> Iterator[slice]:
     """Rows in portions that fit into the cache."""
-    N, C, J = o.seen.shape
+    N, C, J = obs.observed.shape
     return row_blocks(N, C * J)
 
 
 _BLOCK = 10_000
+"""Count. Keypoints of a block, whose arrays fit into the cache of usual processors. Numerical."""
 
 
 def row_blocks(n_rows: int, per_row: int) -> Iterator[slice]:

@@ -7,17 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.limits import MIN_SHARED_FRACTION, MIN_SHARED_POINTS
 from stcalib_ros.core.bundle.observations import Observations
 from stcalib_ros.core.bundle.residuals import errors_px, median_error
 from stcalib_ros.core.bundle.state import BundleState
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.geometry.graphs import components
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.options import BundleOptions
-
-_MIN_SHARED_POINTS = 100
-
-
-_MIN_SHARE = 0.1
 
 
 def image_points(members: Sequence[LiftedCamera]) -> IntArray:
@@ -25,46 +22,35 @@ def image_points(members: Sequence[LiftedCamera]) -> IntArray:
     return np.array([sum(np.isfinite(t.x[..., 0]).sum() for t in m.tracks) for m in members])
 
 
-def drop_outliers(o: Observations, state: BundleState, b: BundleOptions) -> BundleState:
+def drop_outliers(obs: Observations, state: BundleState, options: BundleOptions) -> BundleState:
     """Leave out observations above three times the median error (Section IV)."""
-    errors = errors_px(o, state)
-    inside = np.isfinite(errors) & o.seen
+    errors = errors_px(obs, state)
+    inside = np.isfinite(errors) & obs.observed
     if not inside.any():
-        return replace(state, used=inside)
-    used = inside & (errors < outlier_limit_px(errors, state.used, b))
-    return replace(state, used=used & (used.sum(1) >= 2)[:, None])
+        return replace(state, inlier=inside)
+    used = inside & (errors < outlier_limit_px(errors, state.inlier, options))
+    return state.with_inliers(used)
 
 
-def outlier_limit_px(errors: Float64Array, used: BoolArray, b: BundleOptions) -> float:
+def outlier_limit_px(errors: Float32Array, used: BoolArray, options: BundleOptions) -> float:
     """Error above which an image point is an outlier, by the median of the used ones."""
-    return max(b.outlier_floor_px, b.outlier_factor * median_error(errors, used))
+    return max(options.outlier_floor_px, options.outlier_factor * median_error(errors, used))
 
 
 def connected(used: BoolArray, total: IntArray) -> list[tuple[int, ...]]:
-    """Groups of cameras tied by common image points, largest group first.
+    """Groups of cameras connected by common keypoints, largest group first.
 
-    Two cameras are tied by a hundred points and a tenth of all that the one with fewer sees:
-    a stray match of strangers is no tie.
+    A spurious match of strangers does not connect two cameras.
 
     Parameters
     ----------
-    used : (N, C, J) ndarray of bool
+    inlier : (N, C, J) ndarray of bool
     total : (C,) ndarray of int
         Image points of each camera, matched or not.
     """
     seen = used.transpose(1, 0, 2).reshape(used.shape[1], -1).astype(np.float32)
     shared: Float64Array = seen @ seen.T
-    needed = np.maximum(_MIN_SHARED_POINTS, _MIN_SHARE * np.minimum(total[:, None], total[None]))
-    tied = shared >= needed
-    left = list(range(len(shared)))
-    groups: list[tuple[int, ...]] = []
-    while left:
-        group, frontier = [left[0]], [left[0]]
-        while frontier:
-            c = frontier.pop()
-            new = [d for d in left if d not in group and tied[c, d]]
-            group += new
-            frontier += new
-        left = [c for c in left if c not in group]
-        groups.append(tuple(sorted(group)))
-    return sorted(groups, key=lambda g: (-len(g), g))
+    needed = np.maximum(
+        MIN_SHARED_POINTS, MIN_SHARED_FRACTION * np.minimum(total[:, None], total[None])
+    )
+    return components(shared >= needed)

@@ -1,15 +1,19 @@
-"""The floor: how well a scene can be calibrated at all (Cramer-Rao bound).
+"""Cramer-Rao lower bound: how well a scene can be calibrated at all.
 
-Given true cameras and trajectories and who is seen when, with noise of Gauss on the image points.
+Given true cameras and trajectories and who is seen when, with Gaussian noise on the keypoints.
 Two models say what is known of the trajectories:
 
 free points
     Every joint is anywhere at every moment; how it moves within half a frame is known. What the
     adjustment would reach if its velocities had no noise.
 splines
-    Every trajectory is a cubic B-spline with a knot per moment, and its accelerations are known to
-    be about as large as they are (a prior of Gauss; the bound is that of van Trees). Velocities
-    have to be estimated, and all that one camera sees alone counts as well.
+    Every trajectory is a cubic B-spline with a knot per time bin, and its accelerations have a
+    Gaussian prior of their true mean square; the bound is that of van Trees. Velocities have to be
+    estimated, and what only one camera observes counts as well.
+
+References
+----------
+H. L. van Trees, "Detection, Estimation, and Modulation Theory, Part I", Wiley, 1968, section 2.4.
 """
 
 from __future__ import annotations
@@ -20,11 +24,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from stcalib_ros.core.bundle.covariance import information_covariance
-from stcalib_ros.core.bundle.levenberg_marquardt import gauge
-from stcalib_ros.core.bundle.normal_equations import CAMERA, Block, Cameras
-from stcalib_ros.core.bundle.observations import Observations, row_blocks
-from stcalib_ros.core.bundle.residuals import at_images
+from stcalib_ros.core.bundle.covariance import JointCovariance, publication, with_known_distance
+from stcalib_ros.core.bundle.gauge import camera_centres
+from stcalib_ros.core.bundle.levenberg_marquardt import PointProblem
+from stcalib_ros.core.bundle.observations import Observations
+from stcalib_ros.core.bundle.parameters import (
+    CLOCK_SKEW,
+    ROTATION,
+    TIME_OFFSET,
+    TRANSLATION,
+    Cameras,
+    ParameterLayout,
+    PointTimes,
+)
+from stcalib_ros.core.bundle.residuals import Projection, camera_points
 from stcalib_ros.core.bundle.state import BundleState
 from stcalib_ros.core.geometry.bsplines import banded, basis, smoothness, summed, summed_squares
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
@@ -33,7 +46,10 @@ Path = Callable[[Float64Array, int], Float64Array]
 """Joints (T, P, J, 3) in the reference frame at times (T,), or their n-th derivative by time."""
 
 _RIDGE = 1e-12
+"""Fraction of the mean diagonal of the normal equations of the splines. Numerical."""
 _LEAST_ACCELERATION = 1e-3
+"""Fraction of the largest mean square acceleration of a joint: joints that hardly move still have
+a finite prior. Numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,8 +74,13 @@ class TrueViews:
     t_cam_ref: Float64Array
     focal_px: Float64Array
     times_s: tuple[Float64Array, ...]
-    seen: tuple[BoolArray, ...]
+    observed: tuple[BoolArray, ...]
     sigma_px: float
+
+    @property
+    def centres(self) -> Float64Array:
+        """Centres (C, 3) of the cameras."""
+        return camera_centres(self.R_cam_ref, self.t_cam_ref)
 
     @property
     def start_s(self) -> float:
@@ -116,16 +137,19 @@ def free_point_bound(views: TrueViews, path: Path, *, rates: bool = False) -> Cr
     rates : bool
         Clock rates are unknown as well.
     """
-    o, state = true_problem(views, path)
-    if not rates:
-        return _floor(views, _reduced(o, state, np.ones(len(o.person)), views.sigma_px))
-    since = np.asarray(o.knot * o.step_s, dtype=np.float64)
-    middle = views.middle_s - views.start_s
-    H_0, H_1, H_2 = (_reduced(o, state, since**n, views.sigma_px) for n in range(3))
-    H_2 += middle * (middle * H_0 - 2.0 * H_1)
-    H_1 -= middle * H_0
-    offset = np.arange(CAMERA - 1, len(H_0), CAMERA)
-    return _floor(views, np.block([[H_0, H_1[:, offset]], [H_1[offset], H_2[offset][:, offset]]]))
+    obs, state = true_problem(views, path)
+    layout = _layout(views, rates=rates)
+    weighted = replace(obs, focal=obs.focal / views.sigma_px)
+    problem = PointProblem(weighted, state, np.inf, layout)
+    H = np.zeros((layout.size, layout.size))
+    for _, at in problem.linearised():
+        H += at.reduce(problem.scale, 0.0)[0].H
+    return _bound(views, H, layout)
+
+
+def _layout(views: TrueViews, *, rates: bool) -> ParameterLayout:
+    C = len(views.times_s)
+    return ParameterLayout(C).with_unknown(CLOCK_SKEW, np.full(C, rates))
 
 
 def spline_bound(views: TrueViews, path: Path, *, rates: bool = False) -> CramerRaoBound:
@@ -133,11 +157,11 @@ def spline_bound(views: TrueViews, path: Path, *, rates: bool = False) -> Cramer
 
     The accelerations of every joint are taken to have their true mean square.
     """
-    H, W, band = _spline_equations(views, path)
+    layout = _layout(views, rates=rates)
+    H, W, band = _spline_equations(views, path, layout)
     for w, lower in zip(W, band, strict=True):
         H -= w.T @ cho_solve_banded((cholesky_banded(lower, lower=True), True), w)
-    n = len(H) if rates else CAMERA * len(views.times_s)
-    return _floor(views, H[:n, :n])
+    return _bound(views, H, layout)
 
 
 def expected_errors(
@@ -150,27 +174,32 @@ def expected_errors(
     floor : Floor
     rng : Generator
     n : int
-        Estimates that are drawn.
+        Number of samples.
     """
-    free = floor.covariance[CAMERA:, CAMERA:]
-    value, vector = np.linalg.eigh(free)
-    drawn = rng.standard_normal((n, len(free))) * np.sqrt(np.maximum(value, 0.0)) @ vector.T
-    e = drawn.reshape(n, -1, CAMERA)
-    away = (e[..., :3] ** 2).sum(-1)
+    C = floor.covariance.shape[0] // ParameterLayout(1).size
+    published = ParameterLayout(C)
+    free = published.free()
+    value, vector = np.linalg.eigh(floor.covariance[np.ix_(free, free)])
+    sample = rng.standard_normal((n, len(free))) * np.sqrt(np.maximum(value, 0.0)) @ vector.T
+    e = sample.reshape(n, C - 1, published.block)
+    # Centres are published first: in the rows of the rotations.
+    centre, turn, offset = (
+        e[..., published.within(one)] for one in (ROTATION, TRANSLATION, TIME_OFFSET)
+    )
     return ExpectedErrors(
-        float(np.linalg.norm(e[..., 3:6], axis=-1).mean()),
-        float(np.sqrt(away.mean(-1)).mean()),
-        float(np.abs(e[..., 6]).mean()),
+        float(np.linalg.norm(turn, axis=-1).mean()),
+        float(np.sqrt((centre**2).sum(-1).mean(-1)).mean()),
+        float(np.abs(offset).mean()),
     )
 
 
 def true_problem(views: TrueViews, path: Path) -> tuple[Observations, BundleState]:
     """The adjustment of a scene at its optimum: image points without noise."""
     step = views.step_s
-    C, P, J = len(views.seen), *views.seen[0].shape[1:]
+    C, P, J = len(views.observed), *views.observed[0].shape[1:]
     K = 1 + round((max(float(t[-1]) for t in views.times_s) - views.start_s) / step)
     phi, seen = np.zeros((K, C)), np.zeros((K, C, P, J), dtype=bool)
-    for c, (times, mask) in enumerate(zip(views.times_s, views.seen, strict=True)):
+    for c, (times, mask) in enumerate(zip(views.times_s, views.observed, strict=True)):
         knot = np.rint((times - views.start_s) / step).astype(np.int64)
         late = times - views.start_s - knot * step
         order = np.argsort(-np.abs(late), kind="stable")
@@ -183,7 +212,7 @@ def true_problem(views: TrueViews, path: Path) -> tuple[Observations, BundleStat
     used = seen.transpose(2, 0, 1, 3).reshape(P * K, C, J)
     rows = used.any((1, 2))
     focal = np.broadcast_to(views.focal_px[:, None], used.shape).copy()
-    o = Observations(
+    obs = Observations(
         person,
         knot,
         np.where(used.any(-1), person[:, None], -1),
@@ -193,84 +222,70 @@ def true_problem(views: TrueViews, path: Path) -> tuple[Observations, BundleStat
         used,
         views.start_s,
         step,
+        middle_s=views.middle_s,
     ).only(rows)
     state = BundleState(
         views.R_cam_ref, views.t_cam_ref, np.zeros(C), X[rows], V[rows], A[rows], used[rows]
     )
-    Y = at_images(o, state) @ np.swapaxes(views.R_cam_ref, -1, -2) + views.t_cam_ref[:, None]
-    x = np.where(o.seen[..., None], Y[..., :2] / Y[..., 2:], 0.0)
-    return replace(o, x=x), state
-
-
-def _reduced(
-    o: Observations, state: BundleState, weight: Float64Array, sigma_px: float
-) -> Float64Array:
-    """Normal equations (7 C, 7 C) of the cameras with a weight (N,) of every moment.
-
-    Points of one moment weigh alike, and therefore their share after elimination does.
-    """
-    weighted = replace(o, focal=o.focal * np.sqrt(weight)[:, None, None] / sigma_px)
-    cameras = Cameras(state.R_cam_ref, state.t_cam_ref, state.shift_s)
-    H = np.zeros((CAMERA * len(cameras.t),) * 2)
-    X = state.X.reshape(-1, 3)
-    N, C, J = o.seen.shape
-    for rows in row_blocks(N, C * J):
-        block = Block(weighted, state.used, state.V, state.A, rows)
-        H += block.at(cameras, X[block.points]).reduce(np.inf, 0.0)[0].H
-    return H
+    Y = camera_points(obs, state)
+    x = np.where(obs.observed[..., None], Y[..., :2] / Y[..., 2:], 0.0)
+    return replace(obs, x=x), state
 
 
 def _spline_equations(
-    views: TrueViews, path: Path
+    views: TrueViews, path: Path, layout: ParameterLayout
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Normal equations of cameras, rates and spline coefficients.
+    """Normal equations of the unknowns of the cameras and of spline coefficients.
 
     Returns
     -------
-    H : (8 C, 8 C) ndarray
-        Of poses and offsets of all cameras, then of all rates.
-    W : (P J, 3 K, 8 C) ndarray
+    H : (n, n) ndarray
+    W : (P J, 3 K, n) ndarray
         Of the coefficients of every trajectory and the cameras.
     band : (P J, 12, 3 K) ndarray
         Lower diagonals of those of the coefficients.
     """
-    C, P, J = len(views.seen), *views.seen[0].shape[1:]
+    P, J = views.observed[0].shape[1:]
     position = [(t - views.start_s) / views.step_s for t in views.times_s]
     K = 4 + max(int(p[-1]) for p in position)
-    H = np.zeros((CAMERA + 1, C, CAMERA + 1, C))
-    W = np.zeros((K, P * J, 3, CAMERA + 1, C))
+    H = np.zeros((layout.size, layout.size))
+    W = np.zeros((K, P * J, 3, layout.size))
     N = np.zeros((4, K, P * J, 3, 3))
     for c, at in enumerate(position):
-        by_camera, by_joint = _derivatives(views, path, c)
-        H[:, c, :, c] = np.einsum("tpra,tprb->ab", by_camera, by_camera, optimize=True)
-        W[..., c] = summed(at, K, basis(at), by_joint.swapaxes(-1, -2) @ by_camera)
+        by_camera, by_joint = _derivatives(views, path, c, layout)
+        own = layout.of_camera(c)
+        H[own, own] = np.einsum("tpra,tprb->ab", by_camera, by_camera, optimize=True)
+        W[..., own] = summed(at, K, basis(at), by_joint.swapaxes(-1, -2) @ by_camera)
         N += summed_squares(at, K, by_joint.swapaxes(-1, -2) @ by_joint)
     N += _prior(views, path, K)
     N[0] += _RIDGE * np.trace(N[0], axis1=-2, axis2=-1).mean(0)[:, None, None] * np.eye(3)
-    order = np.arange((CAMERA + 1) * C).reshape(CAMERA + 1, C)
-    order = np.concatenate([order[:CAMERA].T.ravel(), order[CAMERA]])
-    W = W.transpose(1, 0, 2, 3, 4).reshape(P * J, 3 * K, -1)
-    return H.reshape(len(order), -1)[np.ix_(order, order)], W[..., order], banded(N)
+    return H, W.transpose(1, 0, 2, 3).reshape(P * J, 3 * K, -1), banded(N)
 
 
-def _derivatives(views: TrueViews, path: Path, c: int) -> tuple[Float64Array, Float64Array]:
-    """Derivatives of image points, in units of the noise; zero where nothing is seen.
+def _derivatives(
+    views: TrueViews, path: Path, c: int, layout: ParameterLayout
+) -> tuple[Float64Array, Float64Array]:
+    """Derivatives of keypoints, in units of the noise; zero where nothing is observed.
 
-    By pose, offset and rate of the camera, (T, P J, 2, 8), and by the joint, (T, P J, 2, 3).
+    By the unknowns of the camera, (T, P J, 2, n), and by the joint, (T, P J, 2, 3).
     """
     R, times = views.R_cam_ref[c], views.times_s[c]
-    X, V = (path(times, n).reshape(len(times), -1, 3) for n in range(2))
-    y, velocity = X @ R.T, V @ R.T
-    seen = views.seen[c].reshape(y.shape[:2])
-    z = y + views.t_cam_ref[c]
-    gain = seen * views.focal_px[c] / views.sigma_px / np.where(seen, z[..., 2], 1.0)
-    rows = np.zeros((*y.shape[:2], 2, 3))
-    rows[..., 0, 0] = rows[..., 1, 1] = gain
-    rows[..., 2] = -(gain / np.where(seen, z[..., 2], 1.0))[..., None] * z[..., :2]
-    by_offset = np.einsum("tpri,tpi->tpr", rows, velocity)
-    since = (times - views.middle_s)[:, None, None]
-    columns = [np.cross(y[:, :, None], rows), rows, by_offset[..., None]]
-    return np.concatenate([*columns, (since * by_offset)[..., None]], -1), rows @ R
+    X, V = (path(times, n).reshape(-1, 3) for n in range(2))
+    T, m = len(times), len(X) // len(times)
+    camera = Cameras(R[None], views.t_cam_ref[c : c + 1], np.zeros(1))
+    since = np.repeat(times - views.middle_s, m)[None]
+    focal = views.observed[c].reshape(1, -1) * views.focal_px[c] / views.sigma_px
+    at = Projection(
+        camera,
+        (R @ X.T)[None],
+        (R @ V.T)[None],
+        PointTimes(since, np.zeros((1, 1))),
+        np.zeros((1, 2, T * m)),
+        focal,
+    )
+    A, _ = at.rows(np.inf)
+    columns = at.camera_columns(A, layout)[0].transpose(2, 1, 0).reshape(T, m, 2, -1)
+    return columns, at.point_columns(A)[0].transpose(2, 0, 1).reshape(T, m, 2, 3)
 
 
 def _prior(views: TrueViews, path: Path, K: int) -> Float64Array:
@@ -281,25 +296,18 @@ def _prior(views: TrueViews, path: Path, K: int) -> Float64Array:
     return smoothness(K, 1.0 / variance)
 
 
-def _floor(views: TrueViews, H: Float64Array) -> CramerRaoBound:
-    """The floor of normal equations of cameras (7 C, 7 C), or of cameras and rates (8 C, 8 C)."""
-    C = len(views.seen)
-    n = CAMERA * C
-    nothing = np.zeros((0, 0, 3))
-    state = BundleState(
-        views.R_cam_ref, views.t_cam_ref, np.zeros(C), nothing, nothing, nothing, nothing > 0
-    )
+def _bound(views: TrueViews, H: Float64Array, layout: ParameterLayout) -> CramerRaoBound:
+    """The bound of normal equations of the unknowns of a layout."""
+    C = layout.n_cameras
+    cameras = Cameras(views.R_cam_ref, views.t_cam_ref, np.zeros(C))
+    P = layout.inverse(H, cameras)
+    names = tuple(str(c) for c in range(C))
+    joint = JointCovariance(names, layout, P, publication(cameras, layout))
     stddev = np.full(C, np.nan)
-    poses = H[:n, :n]
-    if len(H) > n:
-        rate = n + np.arange(1, C)
-        mixed, own = H[:n, rate], H[np.ix_(rate, rate)]
-        free, scale = gauge(views.t_cam_ref)
-        fixed = poses + 1e6 * np.diag(poses).max() * np.outer(scale, scale)
-        left = own - mixed[free].T @ np.linalg.solve(fixed[np.ix_(free, free)], mixed[free])
-        stddev = np.concatenate([[0.0], np.sqrt(np.diag(np.linalg.inv(left)))])
-        poses = poses - mixed @ np.linalg.solve(own, mixed.T)
-    unit = np.ones((C, CAMERA))
-    unit[:, :3] = np.linalg.norm(views.t_cam_ref[1])
-    covariance = information_covariance(poses, state)
+    if CLOCK_SKEW in layout.further:
+        rate = layout.scalars(CLOCK_SKEW)
+        stddev = np.sqrt(P[rate, rate])
+    covariance = with_known_distance(joint.poses_and_offsets(), views.centres, 0, 1)
+    lengths = np.repeat([np.linalg.norm(views.centres[1]), 1.0], [3, 4])
+    unit = np.tile(lengths, C)
     return CramerRaoBound(covariance / np.outer(unit, unit), stddev)

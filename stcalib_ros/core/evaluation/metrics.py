@@ -1,4 +1,4 @@
-"""The paper's figures: how far a calibration is from the truth."""
+"""Errors of a calibration, as the paper defines them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,13 @@ import numpy as np
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.alignment import umeyama
 from stcalib_ros.core.geometry.so3 import rotation_angle
-from stcalib_ros.core.geometry.triangulation import triangulate
+from stcalib_ros.core.geometry.triangulation import triangulate, unit_rays
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.model.calibration import Calibration, PersonAssociation
+
+_MIN_BASELINE = 1e-9
+"""Distance of the first two cameras over the largest distance, below which there is no scale: equal
+to rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +36,8 @@ class CameraError:
         Distance from the true position after similarity alignment of all cameras, in the
         truth's unit.
     offset_s, offset_frames : float
-        Estimated minus true clock offset, in the middle of the recording; frames are NaN where
-        no frame rate is given.
+        Estimated minus true time offset in the middle of the recording; frames are NaN without a
+        frame rate.
     """
 
     name: str
@@ -55,7 +59,7 @@ class Evaluation:
     cameras : tuple of CameraError
         Those in both, in the order of the truth.
     missing : tuple of str
-        Cameras of the truth that the estimate has not.
+        Cameras of the truth that are not in the estimate.
     E_R : float
         Mean rotation error of the cameras other than the reference, rad.
     E_t : float
@@ -67,15 +71,15 @@ class Evaluation:
     E_2D : float
         ``reprojection_rms_px`` of the estimate.
     centre_mean, centre_max : float
-        Of the camera positions after similarity alignment, in the truth's unit.
+        Errors of the camera positions after similarity alignment, in the truth's unit.
     scale : float
         Estimated over true distance of the first two cameras.
     n_matches : int
-        Pairs of tracks of different cameras that the estimate takes for one person and whose
-        true persons are known.
+        Number of pairs of tracks of different cameras that the estimate associates with one
+        person and whose true persons are known.
     precision, recall : float
-        Share of those that are right, and share of the true pairs among them; NaN if there
-        are none.
+        Fraction of these that are right, and fraction of the true pairs among them; NaN without
+        any.
     """
 
     reference: str
@@ -161,22 +165,22 @@ def evaluate(estimate: Calibration, truth: Calibration, *, fps: float | None = N
 def match_quality(
     estimated: Sequence[PersonAssociation], true: Sequence[PersonAssociation], names: Sequence[str]
 ) -> tuple[int, float, float]:
-    """Judge who was taken for whom.
+    """Compare the association of persons with the true one.
 
     A track may belong to several persons where a tracker exchanged identities; a match is right
-    if its two tracks have a true person in common. Tracks unknown to the truth are left out.
+    if its two tracks have a true person in common. Tracks unknown to the truth are ignored.
 
     Parameters
     ----------
     estimated, true : sequence of PersonAssociation
     names : sequence of str
-        Cameras to look at.
+        Names of the compared cameras.
 
     Returns
     -------
     n_matches : int
     precision, recall : float
-        NaN where there is nothing to judge.
+        NaN without matches, or without true pairs.
     """
     right = _pairs(true, names)
     labelled = {track for pair in right for track in pair} | _tracks(true, names)
@@ -194,7 +198,7 @@ def _tracks(persons: Sequence[PersonAssociation], names: Sequence[str]) -> set[_
 
 
 def _pairs(persons: Sequence[PersonAssociation], names: Sequence[str]) -> set[frozenset[_TrackKey]]:
-    """Pairs of tracks of different cameras that show one person."""
+    """Return the pairs of tracks of different cameras that show one person."""
     return {
         frozenset(pair)
         for person in persons
@@ -208,34 +212,32 @@ def triangulation_errors(
     t_ref_cam: Float64Array,
     x: Float64Array,
     focal: Float64Array,
-    seen: BoolArray,
+    observed: BoolArray,
 ) -> Float64Array:
-    """Reprojection errors (..., C), px, of points triangulated from their images.
+    """Compute reprojection errors (..., C), px, of points triangulated from their images.
 
     Parameters
     ----------
     R_ref_cam : (C, 3, 3) ndarray
     t_ref_cam : (C, 3) ndarray
     x : (..., C, 2) ndarray
-        Images on the planes z = 1; anything where not seen.
+        Keypoints on the planes z = 1; anything where not observed.
     focal : (..., C) ndarray
         Pixels per unit of x.
-    seen : (..., C) ndarray of bool
+    observed : (..., C) ndarray of bool
 
     Returns
     -------
     (..., C) ndarray
-        NaN where not seen, or where no point can be had from the rays.
+        NaN where not observed, or where the rays determine no point.
     """
-    b = np.concatenate([x, np.ones_like(x[..., :1])], -1)
-    b = b / np.linalg.norm(b, axis=-1, keepdims=True)
-    rays = np.einsum("cij,...cj->...ci", R_ref_cam, b)
+    rays = np.einsum("cij,...cj->...ci", R_ref_cam, unit_rays(x))
     centres = np.broadcast_to(t_ref_cam, rays.shape)
-    X, _ = triangulate(centres, np.where(seen[..., None], rays, 0.0), seen.astype(float))
+    X, _ = triangulate(centres, np.where(observed[..., None], rays, 0.0), observed.astype(float))
     Y = np.einsum("cij,...ci->...cj", R_ref_cam, X[..., None, :] - t_ref_cam)
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.linalg.norm(Y[..., :2] / Y[..., 2:] - x, axis=-1) * focal
-    return np.where(seen & np.isfinite(error), error, np.nan)
+    return np.where(observed & np.isfinite(error), error, np.nan)
 
 
 def geometric_precision(
@@ -243,15 +245,15 @@ def geometric_precision(
     t_ref_cam: Float64Array,
     x: Float64Array,
     focal: Float64Array,
-    seen: BoolArray,
+    observed: BoolArray,
     *,
     limit_px: float = 5.0,
 ) -> float:
-    """P_5px, the paper's precision where nobody knows who is who.
+    """Compute P_5px, the paper's precision where true associations are unknown.
 
-    Of the image points that were matched across views, the share that a point triangulated with
-    the true poses reprojects to within `limit_px`. Noise alone takes its part: with sigma px per
-    axis in two views ``2 Phi(limit sqrt(2) / sigma) - 1`` is perfect.
+    This is the fraction of the matched keypoints to which a point triangulated with the true poses
+    reprojects within `limit_px`. Noise alone reduces it: with sigma px per axis in two views,
+    ``2 Phi(limit sqrt(2) / sigma) - 1`` is perfect.
 
     Parameters
     ----------
@@ -259,16 +261,16 @@ def geometric_precision(
         True poses; further arguments as for `triangulation_errors`.
     limit_px : float
     """
-    error = triangulation_errors(R_ref_cam, t_ref_cam, x, focal, seen)
-    judged = seen & (seen.sum(-1) >= 2)[..., None]
-    if not judged.any():
+    error = triangulation_errors(R_ref_cam, t_ref_cam, x, focal, observed)
+    matched = observed & (observed.sum(-1) >= 2)[..., None]
+    if not matched.any():
         return float("nan")
-    return float((np.nan_to_num(error[judged], nan=np.inf) < limit_px).mean())
+    return float((np.nan_to_num(error[matched], nan=np.inf) < limit_px).mean())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Expressed:
-    """Poses (C, ...) in one camera's frame, offsets (C,) to its clock."""
+    """Poses (C, ...) in the frame of one camera, offsets (C,) to its clock."""
 
     R_ref_cam: Float64Array
     t_ref_cam: Float64Array
@@ -294,23 +296,23 @@ def _expressed(
 
 
 def _scale(ours: _Expressed, right: _Expressed, names: Sequence[str]) -> tuple[float, float]:
-    """Estimated over true distance of the first two cameras, and the true distance."""
+    """Return estimated over true distance of the first two cameras, and the true distance."""
     baseline = float(np.linalg.norm(right.t_ref_cam[1] - right.t_ref_cam[0]))
     estimated = float(np.linalg.norm(ours.t_ref_cam[1] - ours.t_ref_cam[0]))
-    if min(_share(baseline, right), _share(estimated, ours)) < 1e-9:
+    if min(_fraction(baseline, right), _fraction(estimated, ours)) < _MIN_BASELINE:
         raise InputError(
             f"cameras {names[0]!r} and {names[1]!r} are at one place: they give no scale"
         )
     return estimated / baseline, baseline
 
 
-def _share(distance: float, poses: _Expressed) -> float:
-    """Size of a distance beside the largest from the reference; 0 if all are at one place."""
+def _fraction(distance: float, poses: _Expressed) -> float:
+    """Return a distance over the largest from the reference; 0 if all are at one place."""
     largest = float(np.linalg.norm(poses.t_ref_cam, axis=-1).max())
     return distance / largest if largest > 0 else 0.0
 
 
 def _centre_errors(ours: Float64Array, right: Float64Array) -> Float64Array:
-    """Distances (C,) after the similarity of Umeyama (1991), in the unit of the second."""
+    """Return distances (C,) after similarity alignment (Umeyama), in the unit of the second."""
     s, R, t = umeyama(ours, right)
     return np.asarray(np.linalg.norm(s * ours @ R.T + t - right, axis=-1))

@@ -1,4 +1,4 @@
-"""What is true of a simulated scene, as `stcalib_ros.core.evaluation.cramer_rao` asks for it."""
+"""True cameras, paths and visibility of a simulated scene, for the Cramer-Rao bound."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ScenePath:
         self.scene = scene
 
     def __call__(self, times: Float64Array, order: int) -> Float64Array:
-        """Joints (T, P, J, 3) at times of the reference clock, or their n-th derivative."""
+        """Return joints (T, P, J, 3) at times of the reference clock, or their n-th derivative."""
         rig = self.scene.rig
         world = np.stack([p.spline(times, order) for p in self.scene.people], 1)
         turned = world.reshape(*world.shape[:2], -1, 3) @ rig.R_cam_world[0].T
@@ -25,7 +25,7 @@ class ScenePath:
 
 
 def true_views(scene: Scene) -> TrueViews:
-    """True cameras of a scene, and who is seen when; exchanged left and right count as seen."""
+    """Return true cameras and visibility; joints with left and right exchanged are observed."""
     cameras = scene.truth.cameras
     R_cam_ref = np.stack([c.R_ref_cam.T for c in cameras])
     centres = np.stack([c.t_ref_cam for c in cameras])
@@ -34,16 +34,16 @@ def true_views(scene: Scene) -> TrueViews:
         0.0 - np.einsum("cij,cj->ci", R_cam_ref, centres),
         np.array([np.sqrt(c.intrinsics.K[0, 0] * c.intrinsics.K[1, 1]) for c in cameras]),
         scene.exposures_s,
-        tuple(_seen(scene, camera) for camera in scene.recording.cameras),
+        tuple(_observed(scene, camera) for camera in scene.recording.cameras),
         scene.options.sigma_px,
     )
 
 
-def _seen(scene: Scene, camera: CameraRecording) -> BoolArray:
-    """Which joints of whom a camera sees in its images, (T, P, J)."""
+def _observed(scene: Scene, camera: CameraRecording) -> BoolArray:
+    """Return which joints of whom a camera observes in its images, (T, P, J)."""
     J = camera.layout.n_joints
-    seen = np.zeros((len(camera.stamps), len(scene.people), J), dtype=bool)
+    observed = np.zeros((len(camera.stamps), len(scene.people), J), dtype=bool)
     for track in camera.tracks:
         persons = scene.track_persons[camera.name][track.track_id]
-        seen[track.frames, persons] = np.isfinite(track.keypoints[..., 0])
-    return seen
+        observed[track.frames, persons] = np.isfinite(track.keypoints[..., 0])
+    return observed

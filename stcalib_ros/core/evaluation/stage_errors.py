@@ -1,4 +1,4 @@
-"""Every stage against the truth: the rows PR, MI, BA, IBA, STBA, ISTBA of the paper's tables."""
+"""Errors of every stage: the rows PR, MI, BA, IBA, STBA, ISTBA of the paper's tables."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from stcalib_ros.core.evaluation.metrics import (
     match_quality,
     triangulation_errors,
 )
+from stcalib_ros.core.geometry.alignment import unit
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.integration.association import Association
 from stcalib_ros.core.integration.averaging import reliability
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array
 from stcalib_ros.core.model.calibration import (
     Calibration,
     CameraCalibration,
@@ -38,7 +39,7 @@ from stcalib_ros.core.stages import Stages
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """One row of the paper's tables. NaN where a stage has nothing to judge.
+    """One row of the paper's tables; NaN where a stage has no such quantity.
 
     Attributes
     ----------
@@ -55,13 +56,13 @@ class Errors:
     E_delta : float
         Mean absolute offset error, frames.
     precision : float
-        P: share of the matches that are right.
+        P: fraction of the matches that are right.
     P_5px : float
-        Share of matched image points within five pixels with the true poses.
+        Fraction of matched keypoints within five pixels with the true poses.
     n_matches : int
-        What `precision` is of.
+        Number of matches.
     missing : int
-        Cameras, or pairs, of which the stage says nothing.
+        Number of cameras, or pairs, without a result.
     """
 
     E_R: float
@@ -76,19 +77,19 @@ class Errors:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Points:
-    """Images of the same joints in C views: x (M, C, 2), focal and seen (M, C)."""
+class _MatchedPoints:
+    """Keypoints of the same joints in C views: x (M, C, 2), focal and observed (M, C)."""
 
     x: Float64Array
     focal: Float64Array
-    seen: BoolArray
+    observed: BoolArray
 
     def errors(self, R_ref_cam: Float64Array, t_ref_cam: Float64Array) -> Float64Array:
-        errors = triangulation_errors(R_ref_cam, t_ref_cam, self.x, self.focal, self.seen)
+        errors = triangulation_errors(R_ref_cam, t_ref_cam, self.x, self.focal, self.observed)
         return np.asarray(errors[np.isfinite(errors)])
 
     def within_5px(self, R_ref_cam: Float64Array, t_ref_cam: Float64Array) -> float:
-        return geometric_precision(R_ref_cam, t_ref_cam, self.x, self.focal, self.seen)
+        return geometric_precision(R_ref_cam, t_ref_cam, self.x, self.focal, self.observed)
 
 
 def judge_pair(
@@ -99,7 +100,7 @@ def judge_pair(
     window: int,
     fps: float,
 ) -> Errors:
-    """Errors of two cameras registered on windows of `window` frames (Table III).
+    """Compute the errors of two cameras registered on windows of `window` frames (Table III).
 
     Raises
     ------
@@ -120,7 +121,7 @@ def judge_pair(
 def judge_stages(
     stages: Stages, truth: Calibration, *, fps: float, synchronised: bool = False
 ) -> dict[str, Errors]:
-    """Errors after each stage of a calibration, by the name of the row; either method.
+    """Compute the errors after each stage of a calibration by either method.
 
     Parameters
     ----------
@@ -129,18 +130,19 @@ def judge_stages(
     fps : float
         Frame rate for `Errors.E_delta`.
     synchronised : bool
-        Call the adjustment BA and IBA, not STBA and ISTBA.
+        Whether the rows are called BA and IBA instead of STBA and ISTBA.
 
     Returns
     -------
     dict of str to Errors
-        Of the stages that there are: "PR", "MI", "STBA" or "BA", "ISTBA" or "IBA".
+        Errors by row, for the stages that were reached: "PR", "MI", "STBA" or "BA", "ISTBA" or
+        "IBA".
     """
     rows: dict[str, Errors] = {}
     if stages.hypotheses:
         rows["PR"] = _pairs_errors(stages, truth, fps)
-    if stages.rigs and stages.rounds:
-        first, last = stages.rounds[0], stages.rounds[-1]
+    if stages.rigs and stages.iterations:
+        first, last = stages.iterations[0], stages.iterations[-1]
         if (integrated := _integration_errors(stages, first, truth, fps)) is not None:
             rows["MI"] = integrated
         names = ("BA", "IBA") if synchronised else ("STBA", "ISTBA")
@@ -150,7 +152,7 @@ def judge_stages(
 
 
 def _pairs_errors(stages: Stages, truth: Calibration, fps: float) -> Errors:
-    """Mean over the pairs of cameras, of the most reliable hypothesis on each."""
+    """Average over the pairs of cameras, with the most reliable hypothesis on each."""
     best: dict[tuple[int, int], RelativePose] = {}
     for h in stages.hypotheses:
         if (h.a, h.b) not in best or reliability(h) > reliability(best[h.a, h.b]):
@@ -181,7 +183,7 @@ def _pairs_errors(stages: Stages, truth: Calibration, fps: float) -> Errors:
 
 
 _Unit = tuple[int, int, Float64Array]
-"""Track of a, track of b, times by the clock of a."""
+"""Track of camera a, track of camera b, times by the clock of a."""
 
 
 def _pair_errors(
@@ -206,7 +208,7 @@ def _pair_errors(
     lag_s = true_a.time_offset_s - true_b.time_offset_s
     return Errors(
         E_R=float(rotation_angle(R.T @ h.R_a_b)),
-        E_t=float(np.linalg.norm(_unit(h.t_a_b) - _unit(t))),
+        E_t=float(np.linalg.norm(unit(h.t_a_b) - unit(t))),
         E_2D=_mean(errors),
         E_2D_rms=float(np.sqrt(_mean(errors**2))),
         E_delta=abs(h.lag_s - lag_s) * fps,
@@ -218,7 +220,7 @@ def _pair_errors(
 
 def _pair_points(
     cam_a: LiftedCamera, cam_b: LiftedCamera, units: Sequence[_Unit], lag_s: float
-) -> _Points:
+) -> _MatchedPoints:
     parts = []
     for p, q, times in units:
         x_a, focal_a = _read(cam_a, p, times)
@@ -227,13 +229,13 @@ def _pair_points(
         both = np.isfinite(x).all((-1, -2))
         parts.append((x[both], focal[both]))
     if not parts:
-        return _Points(np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2), dtype=bool))
+        return _MatchedPoints(np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2), dtype=bool))
     x, focal = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return _Points(x, focal, np.ones(focal.shape, dtype=bool))
+    return _MatchedPoints(x, focal, np.ones(focal.shape, dtype=bool))
 
 
 def _read(camera: LiftedCamera, p: int, times: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Joints (K, J, 2) and focal lengths (K, J) of a track at times of the camera's clock."""
+    """Return joints (K, J, 2) and focal lengths (K, J) of a track at times of its clock."""
     track = camera.tracks[p]
     at = Interpolation(camera.stamps[track.frames], times, period=frame_period(camera.stamps))
     return at(track.x), at(track.focal)
@@ -242,7 +244,7 @@ def _read(camera: LiftedCamera, p: int, times: Float64Array) -> tuple[Float64Arr
 def _integration_errors(
     stages: Stages, first: Iteration, truth: Calibration, fps: float
 ) -> Errors | None:
-    """Of the best supported rig, with the association that the adjustment starts from."""
+    """Compute the errors of the best supported rig with the first association."""
     whole = stages.rigs[0]
     of = {int(c): a for c, a in zip(first.rig.cameras, first.association.person_of, strict=True)}
     members = [i for i, c in enumerate(whole.cameras) if int(c) in of]
@@ -258,7 +260,7 @@ def _integration_errors(
 
 def _round_errors(stages: Stages, done: Iteration, truth: Calibration, fps: float) -> Errors:
     errors = errors_px(done.observations, done.state)
-    errors = errors[done.state.used & np.isfinite(errors)]
+    errors = errors[done.state.inlier & np.isfinite(errors)]
     points = _rig_points(stages.lifted, done.rig, done.association)
     return _rig_errors(stages.lifted, done.rig, done.association, points, errors, truth, fps)
 
@@ -267,8 +269,8 @@ def _rig_errors(
     cameras: Sequence[LiftedCamera],
     rig: Rig,
     association: Association,
-    points: _Points,
-    errors: Float64Array,
+    points: _MatchedPoints,
+    errors: Float32Array | Float64Array,
     truth: Calibration,
     fps: float,
 ) -> Errors:
@@ -296,8 +298,10 @@ def _rig_errors(
     )
 
 
-def _rig_points(cameras: Sequence[LiftedCamera], rig: Rig, association: Association) -> _Points:
-    """Associated joints, read off at common times by the offsets of the rig."""
+def _rig_points(
+    cameras: Sequence[LiftedCamera], rig: Rig, association: Association
+) -> _MatchedPoints:
+    """Interpolate the associated joints at common times by the offsets of the rig."""
     members = [cameras[c] for c in rig.cameras]
     step = common_step(members)
     n = int(association.person_of[0].shape[1] * association.slot_s / step) + 1
@@ -312,9 +316,11 @@ def _rig_points(cameras: Sequence[LiftedCamera], rig: Rig, association: Associat
             x_p, focal_p = _read(camera, p, times - rig.offset_s[i])
             k = np.flatnonzero((person >= 0) & np.isfinite(x_p).any((-1, -2)))
             x[person[k], k, :, i], focal[person[k], k, :, i] = x_p[k], focal_p[k]
-    seen: BoolArray = np.asarray(np.isfinite(x).all(-1))
-    matched = seen.sum(-1) >= 2
-    return _Points(np.nan_to_num(x[matched]), np.nan_to_num(focal[matched], nan=1.0), seen[matched])
+    observed: BoolArray = np.asarray(np.isfinite(x).all(-1))
+    matched = observed.sum(-1) >= 2
+    return _MatchedPoints(
+        np.nan_to_num(x[matched]), np.nan_to_num(focal[matched], nan=1.0), observed[matched]
+    )
 
 
 def _calibration(
@@ -323,36 +329,36 @@ def _calibration(
     persons: tuple[PersonAssociation, ...],
     truth: Calibration,
 ) -> Calibration:
-    """A rig in the form that `evaluate` takes."""
+    """Return a rig as a `Calibration`, for `evaluate`."""
     poses = []
     for i, c in enumerate(rig.cameras):
         true = _true_camera(truth, cameras[c].name)
         poses.append(
             CameraCalibration(
-                true.name,
-                true.frame_id,
-                true.intrinsics,
-                rig.R_ref_cam[i],
-                rig.t_ref_cam[i],
-                np.full((6, 6), np.nan),
-                float(rig.offset_s[i]),
-                float("nan"),
+                name=true.name,
+                frame_id=true.frame_id,
+                intrinsics=true.intrinsics,
+                R_ref_cam=rig.R_ref_cam[i],
+                t_ref_cam=rig.t_ref_cam[i],
+                covariance=np.full((6, 6), np.nan),
+                time_offset_s=float(rig.offset_s[i]),
+                time_offset_stddev_s=float("nan"),
             )
         )
     return Calibration(
-        Status.OK,
-        "one stage",
-        cameras[rig.cameras[0]].name,
-        False,
-        truth.epoch_s,
-        truth.window_s,
-        tuple(poses),
-        (),
-        persons,
-        (),
-        float("nan"),
-        0,
-        0,
+        status=Status.OK,
+        message="one stage",
+        reference=cameras[rig.cameras[0]].name,
+        metric=False,
+        epoch_s=truth.epoch_s,
+        window_s=truth.window_s,
+        cameras=tuple(poses),
+        uncalibrated=(),
+        persons=persons,
+        pairs=(),
+        reprojection_rms_px=float("nan"),
+        n_observations=0,
+        n_inliers=0,
     )
 
 
@@ -372,9 +378,5 @@ def _persons_of(truth: Calibration) -> Mapping[tuple[str, int], set[int]]:
     return persons
 
 
-def _unit(v: Float64Array) -> Float64Array:
-    return np.asarray(v / max(float(np.linalg.norm(v)), 1e-12))
-
-
-def _mean(values: Float64Array) -> float:
+def _mean(values: Float32Array | Float64Array) -> float:
     return float(np.mean(values)) if len(values) else float("nan")

@@ -1,1 +1,1 @@
-"""Rotations, rigid motions, lenses, triangulation: no cameras of ours."""
+"""Rotations, rigid motions, lenses, triangulation, graphs, splines: pure functions of arrays."""

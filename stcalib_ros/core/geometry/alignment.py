@@ -7,8 +7,13 @@ import numpy as np
 from stcalib_ros.core.model.arrays import Float64Array
 
 
+def unit(v: Float64Array) -> Float64Array:
+    """Return the direction (3,) of a vector (3,); zero for a zero vector."""
+    return np.asarray(v / max(float(np.sqrt(v @ v)), 1e-12))
+
+
 def best_rotation(S: Float64Array) -> Float64Array:
-    """Rotations that maximise ``tr(R.T @ S)``: orthogonal Procrustes (Kabsch).
+    """Return the rotations that maximize ``tr(R.T @ S)`` (orthogonal Procrustes problem).
 
     Parameters
     ----------
@@ -18,7 +23,11 @@ def best_rotation(S: Float64Array) -> Float64Array:
     Returns
     -------
     (..., 3, 3) ndarray
-        ``R_a_b``, which turns the directions v_b onto the v_a.
+        ``R_a_b``, which rotates the directions v_b onto the v_a.
+
+    References
+    ----------
+    W. Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.
     """
     U, _, Vt = np.linalg.svd(S)
     U = U.copy()
@@ -56,6 +65,11 @@ def umeyama(source: Float64Array, target: Float64Array) -> tuple[float, Float64A
     s : float
     R : (3, 3) ndarray
     t : (3,) ndarray
+
+    References
+    ----------
+    S. Umeyama, "Least-squares estimation of transformation parameters between two point
+    patterns", 1991.
     """
     a, b = source.mean(0), target.mean(0)
     S = (target - b).T @ (source - a)

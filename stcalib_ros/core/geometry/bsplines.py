@@ -14,7 +14,7 @@ from stcalib_ros.core.model.arrays import Float64Array, IntArray
 _PIECE = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) / 6.0
 """Coefficients, by power of the fraction of a step, of the four B-splines that are not zero."""
 SUPPORT = 4
-"""Splines that are not zero at a position."""
+"""Number of splines that are not zero at a position: those of a cubic."""
 
 
 def basis(position: Float64Array, derivative: int = 0) -> Float64Array:

@@ -10,7 +10,7 @@ from stcalib_ros.core.model.arrays import Float64Array
 def sampson(
     E: Float64Array, x_a: Float64Array, x_b: Float64Array, variance_b: Float64Array | float = 1.0
 ) -> Float64Array:
-    """Signed Sampson distances (M,) of ``x_a^T E x_b = 0`` on the planes z = 1.
+    """Return signed Sampson distances (..., M) of ``x_a^T E x_b = 0`` on the planes z = 1.
 
     Parameters
     ----------
@@ -20,15 +20,29 @@ def sampson(
         Homogeneous points.
     variance_b : (..., M) ndarray or float
         Variance of x_b over that of x_a.
+
+    References
+    ----------
+    P. D. Sampson, "Fitting conic sections to very scattered data", 1982; R. Hartley and
+    A. Zisserman, "Multiple view geometry", section 11.4.3.
     """
     line_a = x_b @ np.swapaxes(E, -1, -2)
     line_b = x_a @ E
     numerator = (x_a * line_a).sum(-1)
-    return np.asarray(numerator / _sampson_scale(line_a, line_b, variance_b))
+    return np.asarray(numerator / sampson_scale(line_a, line_b, variance_b))
 
 
-def _sampson_scale(
+def sampson_scale(
     line_a: Float64Array, line_b: Float64Array, variance_b: Float64Array | float
 ) -> Float64Array:
+    """Return denominators (..., M) of Sampson distances, from epipolar lines (..., M, 3).
+
+    Parameters
+    ----------
+    line_a, line_b : (..., M, 3) ndarray
+        ``E x_b`` and ``E^T x_a``.
+    variance_b : (..., M) ndarray or float
+        Variance of x_b over that of x_a.
+    """
     squares = (line_a[..., :2] ** 2).sum(-1) + variance_b * (line_b[..., :2] ** 2).sum(-1)
     return np.asarray(np.sqrt(np.maximum(squares, 1e-18)))

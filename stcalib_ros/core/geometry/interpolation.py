@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 
 _MAX_GAP = 2.6
-"""Samples further apart than this many periods are not bridged."""
+"""Frame periods. Longer gaps between samples are not bridged: one dropped frame is, with jitter.
+Derived: 2 periods and a margin for jitter of 0.45 frames."""
 
 
 def frame_period(stamps: Float64Array) -> float:
@@ -43,7 +44,7 @@ class Interpolation:
         )
         self.interval: Float64Array = interval
 
-    def __call__(self, values: Float64Array) -> Float64Array:
+    def __call__(self, values: FloatArray) -> Float64Array:
         """Values (N, ...) at the wanted times; NaN outside and in gaps."""
         u = np.where(self.inside, self.fraction, np.nan).reshape(-1, *[1] * (values.ndim - 1))
         return np.asarray((1 - u) * values[self.before] + u * values[self.after])
@@ -54,7 +55,7 @@ class Interpolation:
         u = self.fraction
         return np.asarray((1.0 - u) ** 2 + u**2), np.asarray((4.0 * u - 2.0) / self.interval)
 
-    def both(self, values: Float64Array) -> tuple[Float64Array, Float64Array]:
+    def both(self, values: FloatArray) -> tuple[Float64Array, Float64Array]:
         """Values (N, ...) at the wanted times, and their time derivative, per second."""
         shape = (-1, *[1] * (values.ndim - 1))
         before = values[self.before]

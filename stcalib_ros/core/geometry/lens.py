@@ -8,15 +8,23 @@ import numpy as np
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 
+_MIN_DEPTH = 1e-6
+"""Units of length. Points closer to the plane of the camera have no image. Numerical."""
 _MAX_TANGENT = 6.0
-"""Bearings beyond about 80 degrees off the axis have no useful image on the plane z = 1."""
+"""Units of the plane z = 1. Bearings beyond, 80 degrees off the axis, have no useful image on it.
+Chosen."""
+_MAX_RESIDUAL_PX = 0.01
+"""Pixels. An inverse of the lens model that misses the keypoint by more has not converged.
+Numerical."""
+_NEWTON_STEPS = 3
+"""Newton steps on the lens model, from OpenCV's own inverse. Numerical: two are enough."""
 
 
 def project(points_cam: Float64Array, intrinsics: Intrinsics) -> Float64Array:
     """Pixels (..., 2) of points (..., 3) of the optical frame; NaN behind the camera."""
     points = np.asarray(points_cam, float).reshape(-1, 3) @ intrinsics.R_rect_cam.T
     pixels = np.full((len(points), 2), np.nan)
-    ahead = points[:, 2] > 1e-6
+    ahead = points[:, 2] > _MIN_DEPTH
     if ahead.any():
         pixels[ahead] = _distort(points[ahead], intrinsics)
     return pixels.reshape(*np.shape(points_cam)[:-1], 2)
@@ -39,13 +47,13 @@ def bearings(pixels: Float64Array, intrinsics: Intrinsics) -> tuple[Float64Array
     Parameters
     ----------
     pixels : (..., 2) ndarray
-        Image points, px; NaN where not seen.
+        Image points, px; NaN where not observed.
     intrinsics : Intrinsics
 
     Returns
     -------
     x : (..., 2) ndarray
-        Points on the plane z = 1; NaN where not seen or where the lens model has no inverse.
+        Points on the plane z = 1; NaN where not observed or where the lens model has no inverse.
     focal : (...) ndarray
         Pixels per unit of `x` at that point: multiply residuals by it to have them in px.
     """
@@ -53,9 +61,9 @@ def bearings(pixels: Float64Array, intrinsics: Intrinsics) -> tuple[Float64Array
     flat = np.asarray(pixels, float).reshape(-1, 2)
     x = np.full_like(flat, np.nan)
     focal = np.full(len(flat), np.nan)
-    seen = np.isfinite(flat).all(-1)
-    if seen.any():
-        x[seen], focal[seen] = _invert_lens(flat[seen], intrinsics)
+    observed = np.isfinite(flat).all(-1)
+    if observed.any():
+        x[observed], focal[observed] = _invert_lens(flat[observed], intrinsics)
     return x.reshape(*shape, 2), focal.reshape(shape)
 
 
@@ -67,13 +75,15 @@ def _invert_lens(pixels: Float64Array, intrinsics: Intrinsics) -> tuple[Float64A
         focal = np.sqrt(abs(K[0, 0] * K[1, 1]))
         return rays[:, :2] / rays[:, 2:], np.full(len(pixels), focal)
     x = _first_inverse(pixels, intrinsics)
-    for _ in range(3):
+    for _ in range(_NEWTON_STEPS):
         image, J = _lens_jacobian(x, intrinsics)
         step = np.linalg.solve(J, (image - pixels)[..., None])[..., 0]
         x = np.where(np.isfinite(step), x - step, np.nan)
     image, J = _lens_jacobian(x, intrinsics)
     with np.errstate(invalid="ignore"):
-        good = (np.abs(image - pixels).max(-1) < 0.01) & (np.abs(x).max(-1) < _MAX_TANGENT)
+        good = (np.abs(image - pixels).max(-1) < _MAX_RESIDUAL_PX) & (
+            np.abs(x).max(-1) < _MAX_TANGENT
+        )
     x[~good] = np.nan
     return x, np.sqrt(np.abs(np.linalg.det(J)))
 

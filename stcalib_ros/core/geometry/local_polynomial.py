@@ -8,19 +8,21 @@ from scipy.ndimage import correlate1d, minimum_filter1d
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 
 _ORDER = 7
+"""Order of the polynomial where no sample is missing: it leaves out 0.2 % of a motion of 3 Hz."""
 _GAPPY_ORDER = 3
+"""Order near gaps and ends, where a higher one is not determined."""
 _RIDGE = (1e-9, 1e-6, 1e-4, 1e-4)
-"""Keeps the higher terms at zero where the window has too few samples to see them."""
+"""Ridge that keeps terms at zero which too few samples of a window determine."""
 
 
 def local_motion(
     X: Float64Array, present: BoolArray, *, half_window: int = 6
 ) -> tuple[Float64Array, Float64Array]:
-    """Savitzky-Golay fit of trajectories, of the seventh order; near gaps and ends a cubic.
+    """Fit trajectories locally by polynomials of the seventh order; near gaps and ends by cubics.
 
     Over thirteen samples at 30 Hz it leaves 0.2 % of a motion of 3 Hz out; a cubic over seven,
-    which has as much noise, leaves out 3 %, and offsets are told to a thousandth of the motion.
-    Where one of the samples is missing, a cubic is fitted to what there is of the inner half.
+    which has as much noise, leaves out 3 %, and offsets are determined to a thousandth of the
+    motion. Where a sample is missing, a cubic is fitted to the known ones of the inner half.
 
     Parameters
     ----------
@@ -33,9 +35,14 @@ def local_motion(
     Returns
     -------
     velocity : (K, ..., 3) ndarray
-        Per sample; zero where nothing near is present.
+        Change per sample; zero where nothing near is present.
     acceleration : (K, ..., 3) ndarray
-        Per squared sample; zero where nothing near is present.
+        Change per squared sample; zero where nothing near is present.
+
+    References
+    ----------
+    A. Savitzky and M. J. E. Golay, "Smoothing and differentiation of data by simplified least
+    squares procedures", 1964.
     """
     return _fitted(X, present, half_window, order=_ORDER, gappy_half_window=half_window // 2)
 

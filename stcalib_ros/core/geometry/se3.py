@@ -1,4 +1,9 @@
-"""The group of rigid motions SE(3): exponential, logarithm, adjoint."""
+"""The group of rigid motions SE(3): exponential, logarithm, adjoint.
+
+References
+----------
+T. D. Barfoot, "State estimation for robotics", 2017, chapter 7.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +11,12 @@ import numpy as np
 
 from stcalib_ros.core.geometry.so3 import exp_so3, hat, log_so3
 from stcalib_ros.core.model.arrays import Float64Array
+
+_SMALL_ANGLE = 1e-3
+"""rad. Below it the inverse left Jacobian is taken from its series. Numerical: exact to 1e-13."""
+_SERIES_ANGLE = 0.1
+"""rad. Below it coefficients that divide by powers of the angle are taken from series.
+Numerical."""
 
 
 def inverse(T: Float64Array) -> Float64Array:
@@ -58,7 +69,7 @@ def right_jacobian_inverse(xi: Float64Array) -> Float64Array:
 
 def _left_jacobian_inverse(phi: Float64Array) -> Float64Array:
     theta = np.linalg.norm(phi, axis=-1)[..., None, None]
-    small = theta < 1e-3
+    small = theta < _SMALL_ANGLE
     safe = np.where(small, 1.0, theta)
     second = np.where(small, 1.0 / 12.0, (1.0 - 0.5 * safe / np.tan(0.5 * safe)) / safe**2)
     P = hat(phi)
@@ -83,7 +94,7 @@ def _coefficients(
 ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
     """(1 - cos) / t^2, (t - sin) / t^3, and the third and fourth of Barfoot's 7.86b."""
     t = np.linalg.norm(phi, axis=-1)[..., None, None]
-    small = t < 0.1
+    small = t < _SERIES_ANGLE
     s = np.where(small, 1.0, t)
     sine, cosine, t2 = np.sin(s), np.cos(s), t**2
     exact = (

@@ -1,4 +1,4 @@
-"""Rotations, lenses, triangulation: pure functions on arrays."""
+"""The group of rotations SO(3): exponential, logarithm, angle, quaternions."""
 
 from __future__ import annotations
 

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array
+
+
+def unit_rays(x: Float32Array | Float64Array) -> Float64Array:
+    """Unit directions (..., 3), of the precision of x, to points (..., 2) of the plane z = 1."""
+    rays = np.concatenate([x, np.ones_like(x[..., :1])], -1)
+    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
 
 def triangulate(
     centres: Float64Array, rays: Float64Array, weights: Float64Array, *, refinements: int = 2
 ) -> tuple[Float64Array, BoolArray]:
-    """Points nearest to several rays each, weighted by inverse distance (closed form, iterated).
+    """Return the points nearest to several rays each, weighted by inverse distance.
+
+    The closed form of the midpoint method, iterated for its weights.
 
     Parameters
     ----------
@@ -19,22 +27,22 @@ def triangulate(
     rays : (..., C, 3) ndarray
         Unit directions in the same frame; anything where the weight is 0.
     weights : (..., C) ndarray
-        0 for a camera that does not see the point.
+        0 for a camera that does not observe the point.
     refinements : int
-        Times that the distances are used as weights.
+        Number of passes that use the distances as weights.
 
     Returns
     -------
     X : (..., 3) ndarray
         NaN where fewer than two rays, or parallel ones only, are given.
     good : (...) ndarray of bool
-        Where `X` is finite and ahead of every camera that sees it.
+        Where `X` is finite and ahead of every camera that observes it.
     """
-    seen = weights > 0
-    b = [np.where(seen, rays[..., i], 0.0) for i in range(3)]
-    origin = [np.where(seen, centres[..., i], 0.0) for i in range(3)]
+    observed = weights > 0
+    b = [np.where(observed, rays[..., i], 0.0) for i in range(3)]
+    origin = [np.where(observed, centres[..., i], 0.0) for i in range(3)]
     along = sum(b[i] * origin[i] for i in range(3))
-    enough = seen.sum(-1) >= 2
+    enough = observed.sum(-1) >= 2
     w = weights
     for _ in range(1 + refinements):
         total = w.sum(-1)
@@ -45,12 +53,13 @@ def triangulate(
         X, ok = _solve_symmetric(A, right)
         depth = sum(b[i] * (X[i][..., None] - origin[i]) for i in range(3))
         w = weights / np.maximum(depth, 1e-3) ** 2
-    ahead = ((depth > 0) | ~seen).all(-1)
+    ahead = ((depth > 0) | ~observed).all(-1)
     good = ok & enough
     return np.where(good[..., None], np.stack(X, -1), np.nan), good & ahead
 
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""Entries of a symmetric 3x3 matrix on and above its diagonal."""
 
 
 def _solve_symmetric(

@@ -1,9 +1,9 @@
-"""Who is who across views, once poses and clocks are known roughly.
+"""Person association across views, once poses and clocks are known roughly.
 
 Tracks are cut into slots of time, since a camera's tracker may exchange two people. In each
 slot the pieces of all cameras are agglomerated by their epipolar distance and by where the
 monocular poses stand, never two of one camera at one time; then the groups of successive
-slots are chained by the tracks that they share, so that an exchange in one camera is
+slots are chained by their common tracks, so that an exchange in one camera is
 outvoted by the others.
 """
 
@@ -18,15 +18,23 @@ from scipy.optimize import linear_sum_assignment
 from stcalib_ros.core.geometry.epipolar import sampson
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.so3 import hat
+from stcalib_ros.core.integration.limits import (
+    BODY_WEIGHT,
+    MAX_BODY_DISTANCE,
+    MAX_COST,
+    MERGE_COST,
+    MIN_SHARED_KEYPOINTS,
+    TOLERANCE_FACTOR,
+)
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
-from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.lifted import LiftedCamera, time_span
 from stcalib_ros.core.model.rig import Rig
 
 SLOT_SAMPLES = 50
+"""Samples of the grid in a slot of time (1.7 s at 30 Hz), within which ids count as right. Chosen
+on simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
 _SAMPLES_PER_SLOT = 8
-_MAX_DISTANCE = 1.2
-_MIN_SHARED = 12
-_TOLERANCE_FACTOR = 3.0
+"""Samples at which pieces are compared in a slot. Numerical: bounds the cost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +53,7 @@ class Association:
         less.
     margins : mapping of int to float
         Per person, epipolar distance of the next best assignment over that of this one; inf
-        where nobody else was there to be mistaken for him.
+        where nobody else could be confused with them.
     """
 
     person_of: tuple[IntArray, ...]
@@ -64,7 +72,7 @@ class Association:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Samples:
-    """Tracks of one camera at the sampling times: key points, focal, bodies in the world."""
+    """Tracks of one camera at the sampling times; bodies are in the frame of the rig."""
 
     x: Float64Array  # (P, S, K, J, 3)
     focal: Float64Array  # (P, S, K, J)
@@ -92,8 +100,8 @@ def associate(
     """
     members = [cameras[c] for c in rig.cameras]
     slot_s = SLOT_SAMPLES * step_s
-    start, end = _span(members, rig)
-    n_slots = max(1, int(np.ceil((end - start) / slot_s)))
+    start, end = time_span(members, rig.offset_s)
+    n_slots = max(1, int(np.ceil((end + 1e-6 - start) / slot_s)))
     fractions = (np.arange(_SAMPLES_PER_SLOT) + 0.5) / _SAMPLES_PER_SLOT
     slots = np.arange(0, n_slots, every)
     times = start + slot_s * (slots[:, None] + fractions)
@@ -103,7 +111,7 @@ def associate(
     chain = Chain([len(s.x) for s in samples], len(slots))
     for s in range(len(slots)):
         chain.add(s, _agglomerate(samples, distance, s, tolerance))
-    typical = tolerance / _TOLERANCE_FACTOR
+    typical = tolerance / TOLERANCE_FACTOR
     margins = _margins(chain.person_of, distance, chain.n_persons)
     person_of = tuple(_in_slots(known, slots, n_slots) for known in chain.person_of)
     return Association(person_of, start, slot_s, chain.n_persons, typical, margins)
@@ -114,12 +122,6 @@ def _in_slots(known: IntArray, slots: IntArray, n_slots: int) -> IntArray:
     person_of: IntArray = np.full((len(known), n_slots), -1, dtype=np.int64)
     person_of[:, slots] = known
     return person_of
-
-
-def _span(members: Sequence[LiftedCamera], rig: Rig) -> tuple[float, float]:
-    starts = [c.stamps[0] + o for c, o in zip(members, rig.offset_s, strict=True)]
-    ends = [c.stamps[-1] + o for c, o in zip(members, rig.offset_s, strict=True)]
-    return float(min(starts)), float(max(ends)) + 1e-6
 
 
 def _sample(camera: LiftedCamera, rig: Rig, i: int, times: Float64Array) -> _Samples:
@@ -177,9 +179,10 @@ def _distance(a: _Samples, b: _Samples, R_a_b: Float64Array, t_a_b: Float64Array
         focal = np.sqrt(
             a.focal[here, s].reshape(*here.shape, -1) * b.focal[there, s].reshape(*there.shape, -1)
         )
-        epipolar[here, there, s] = _median(np.abs(sampson(E, x_a, x_b)) * focal, _MIN_SHARED)
-        apart = np.linalg.norm(a.body[here, s] - b.body[there, s], axis=-1)
-        body[here, there, s] = _median(apart, 1)
+        errors = np.abs(sampson(E, x_a, x_b)) * focal
+        epipolar[here, there, s] = _median(errors, MIN_SHARED_KEYPOINTS)
+        gap = np.linalg.norm(a.body[here, s] - b.body[there, s], axis=-1)
+        body[here, there, s] = _median(gap, 1)
     return _Distance(epipolar, body)
 
 
@@ -198,12 +201,12 @@ def _tolerance(distance: dict[tuple[int, int], _Distance], floor_px: float) -> f
     for d in distance.values():
         if not d.epipolar.size:
             continue
-        gated = np.where(d.body < _MAX_DISTANCE, d.epipolar, np.inf)
+        gated = np.where(d.body < MAX_BODY_DISTANCE, d.epipolar, np.inf)
         mutual = (gated <= gated.min(0, keepdims=True)) & (gated <= gated.min(1, keepdims=True))
         nearest.append(gated[mutual & np.isfinite(gated)])
     values = np.concatenate(nearest) if nearest else np.zeros(0)
     typical = float(np.median(values)) if len(values) else 0.0
-    return max(floor_px, _TOLERANCE_FACTOR * typical)
+    return max(floor_px, TOLERANCE_FACTOR * typical)
 
 
 def _margins(
@@ -241,47 +244,48 @@ def _agglomerate(
     ]
     n = len(pieces)
     cost, known = np.zeros((n, n)), np.zeros((n, n))
-    apart = np.eye(n, dtype=bool)
+    exclusive = np.eye(n, dtype=bool)
     for i, (a, p) in enumerate(pieces):
         for j in range(i + 1, n):
             b, q = pieces[j]
             if a == b:
                 together = samples[a].present[p, s] & samples[a].present[q, s]
-                apart[i, j] = apart[j, i] = together.any()
+                exclusive[i, j] = exclusive[j, i] = together.any()
                 continue
             d = distance[a, b]
-            value = d.epipolar[p, q, s] / tolerance + 0.5 * (d.body[p, q, s] / _MAX_DISTANCE) ** 2
+            bodies = d.body[p, q, s] / MAX_BODY_DISTANCE
+            value = d.epipolar[p, q, s] / tolerance + BODY_WEIGHT * bodies**2
             if np.isfinite(value):
-                cost[i, j] = cost[j, i] = min(float(value), 10.0)
+                cost[i, j] = cost[j, i] = min(float(value), MAX_COST)
                 known[i, j] = known[j, i] = 1.0
-    groups = _average_link(cost, known, apart)
+    groups = _average_link(cost, known, exclusive)
     return [[(pieces[i][0], int(pieces[i][1])) for i in group] for group in groups]
 
 
-def _average_link(cost: Float64Array, known: Float64Array, apart: BoolArray) -> list[list[int]]:
+def _average_link(cost: Float64Array, known: Float64Array, exclusive: BoolArray) -> list[list[int]]:
     """Merge the closest groups while their mean cost is below one and nothing forbids it."""
-    cost, known, apart = cost.copy(), known.copy(), apart.copy()
+    cost, known, exclusive = cost.copy(), known.copy(), exclusive.copy()
     groups = [[i] for i in range(len(cost))]
     while len(groups) > 1:
-        mean = np.where((known > 0) & ~apart, cost / np.maximum(known, 1.0), np.inf)
+        mean = np.where((known > 0) & ~exclusive, cost / np.maximum(known, 1.0), np.inf)
         i, j = sorted(np.unravel_index(int(mean.argmin()), mean.shape))
-        if mean[i, j] >= 1.0:
+        if mean[i, j] >= MERGE_COST:
             break
         groups[i] += groups.pop(j)
         for matrix in (cost, known):
             matrix[i] += matrix[j]
             matrix[:, i] += matrix[:, j]
-        apart[i] |= apart[j]
-        apart[:, i] |= apart[:, j]
-        apart[i, i] = True
+        exclusive[i] |= exclusive[j]
+        exclusive[:, i] |= exclusive[:, j]
+        exclusive[i, i] = True
         keep = np.arange(len(cost)) != j
         cost, known = cost[np.ix_(keep, keep)], known[np.ix_(keep, keep)]
-        apart = apart[np.ix_(keep, keep)]
+        exclusive = exclusive[np.ix_(keep, keep)]
     return groups
 
 
 class Chain:
-    """Persons through time: groups of successive slots that share tracks are one person."""
+    """Persons through time: groups of successive slots with common tracks are one person."""
 
     def __init__(self, n_tracks: Sequence[int], n_slots: int) -> None:
         self.person_of = [np.full((n, n_slots), -1, dtype=np.int64) for n in n_tracks]

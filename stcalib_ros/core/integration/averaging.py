@@ -1,7 +1,13 @@
-"""Multi-view integration: one rig out of many pair hypotheses (Section IV).
+"""Multi-view integration: one rig from many pairwise hypotheses (Section IV).
 
 Random spanning trees over the hypotheses give candidate rigs; the one that most other
-hypotheses agree with is polished by robust averaging of rotations, lags and centres.
+hypotheses agree with is refined by robust averaging of rotations, lags and centres.
+
+References
+----------
+V. M. Govindu, "Lie-algebraic averaging for globally consistent motion estimation", 2004;
+D. Martinec and T. Pajdla, "Robust rotation and translation estimation in multiview
+reconstruction", 2007.
 """
 
 from __future__ import annotations
@@ -12,15 +18,23 @@ import numpy as np
 
 from stcalib_ros.core.geometry.graphs import spanning_tree
 from stcalib_ros.core.geometry.so3 import exp_so3, log_so3, rotation_angle
+from stcalib_ros.core.integration.limits import (
+    DIFFERENT_LAG_FRAMES,
+    DIFFERENT_POSITION,
+    DIFFERENT_ROTATION,
+    EPIPOLAR_SCALE_PX,
+    LAG_SCALE_FRAMES,
+    MAX_RIGS,
+    POSITION_SCALE,
+    ROTATION_SCALE,
+    UNREFINED_RELIABILITY,
+)
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
 
-_ROTATION_SCALE = 0.06
-_POSITION_SCALE = 0.5
-_LAG_SCALE_FRAMES = 0.7
 _IRLS_STEPS = 10
-_DISTINCT_RIGS = 8
+"""Steps of iteratively reweighted least squares. Numerical: it has converged by then."""
 
 
 def integrate(
@@ -38,11 +52,11 @@ def integrate(
     cameras : sequence of int
         The group; its first member becomes the reference.
     hypotheses : sequence of RelativePose
-        All that lie within the group.
+        All hypotheses between cameras of the group.
     frame_s : float
         Frame period, seconds: the scale of lag differences.
     n_trees : int
-        Random spanning trees.
+        Number of random spanning trees.
     rng : numpy.random.Generator
     """
     graph = _Graph(cameras, hypotheses, frame_s)
@@ -52,10 +66,10 @@ def integrate(
     for k in np.argsort(-support, kind="stable"):
         if all(graph.differ(rigs, int(k), j) for j in chosen):
             chosen.append(int(k))
-        if len(chosen) == _DISTINCT_RIGS:
+        if len(chosen) == MAX_RIGS:
             break
-    polished = [graph.average(*(part[k] for part in rigs)) for k in chosen]
-    return tuple(sorted(polished, key=lambda rig: -rig.support))
+    averaged = [graph.average(*(part[k] for part in rigs)) for k in chosen]
+    return tuple(sorted(averaged, key=lambda rig: -rig.support))
 
 
 class _Graph:
@@ -116,9 +130,9 @@ class _Graph:
             1.0
             / (
                 1.0
-                + (angle / _ROTATION_SCALE) ** 2
-                + (distance / _POSITION_SCALE) ** 2
-                + (lag / _LAG_SCALE_FRAMES) ** 2
+                + (angle / ROTATION_SCALE) ** 2
+                + (distance / POSITION_SCALE) ** 2
+                + (lag / LAG_SCALE_FRAMES) ** 2
             )
         )
 
@@ -137,9 +151,7 @@ class _Graph:
         shift = np.linalg.norm(t[k] - t[j], axis=-1).max()
         lag = np.abs(offset[k] - offset[j]).max() / self.frame_s
         return bool(
-            angle > 4 * _ROTATION_SCALE
-            or shift > 3 * _POSITION_SCALE
-            or lag > 4 * _LAG_SCALE_FRAMES
+            angle > DIFFERENT_ROTATION or shift > DIFFERENT_POSITION or lag > DIFFERENT_LAG_FRAMES
         )
 
     def average(self, R: Float64Array, t: Float64Array, offset: Float64Array) -> Rig:
@@ -175,7 +187,7 @@ class _Graph:
 
 
 def reliability(h: RelativePose) -> float:
-    """Support, discounted where the key points contradict the hypothesis."""
+    """Support, discounted where the keypoints contradict the hypothesis."""
     if not np.isfinite(h.epipolar_px):
-        return 0.1 * h.support
-    return h.support / (1.0 + (h.epipolar_px / 8.0) ** 2)
+        return UNREFINED_RELIABILITY * h.support
+    return h.support / (1.0 + (h.epipolar_px / EPIPOLAR_SCALE_PX) ** 2)

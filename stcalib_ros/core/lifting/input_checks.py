@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.graphs import components
 from stcalib_ros.core.geometry.interpolation import frame_period
+from stcalib_ros.core.lifting.limits import MIN_CAMERAS, MIN_MOVEMENT, PERIOD_SLACK
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Insufficient, Status, UncalibratedCamera
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
@@ -16,13 +18,8 @@ from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.options import Options
 
-MIN_CAMERAS = 2
-"""Cameras, count. As many must be comparable. Derived: one has nothing to be calibrated against."""
 _SMOOTHING_S = 0.25
-_MOVING_BODIES = 0.03
-"""Slow movement of the key points that counts as moving, as a share of the body's height."""
-_PERIOD_SLACK = 1.02
-"""Periods are medians of stamps that may be rounded."""
+"""Seconds over which keypoints are averaged, so that noise from image to image is no movement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +112,7 @@ def require_line_times(recording: Recording) -> None:
                 f"got {line_s}"
             )
         height, period = camera.intrinsics.height, frame_period(camera.stamps)
-        if line_s * height > _PERIOD_SLACK * period:
+        if line_s * height > PERIOD_SLACK * period:
             raise InputError(
                 f"camera {camera.name}: line_time_s {line_s:g} makes {1e3 * line_s * height:.3g} "
                 f"ms for {height} rows, but its images are {1e3 * period:.3g} ms apart: give the "
@@ -158,19 +155,16 @@ def _overlapping(
     cameras: Sequence[LiftedCamera], members: Sequence[int], options: Options
 ) -> list[list[int]]:
     """Return groups of cameras with enough temporal overlap, in the given order."""
-    groups: list[list[int]] = []
-    for i in members:
-        near = [
-            g
-            for g in groups
-            if any(
+    tied = np.array(
+        [
+            [
                 _common_frames(cameras[i], cameras[j], options) >= options.min_common_frames
-                for j in g
-            )
+                for j in members
+            ]
+            for i in members
         ]
-        merged = [j for g in near for j in g] + [i]
-        groups = [g for g in groups if g not in near] + [merged]
-    return groups
+    ).reshape(len(members), len(members))
+    return [[members[k] for k in group] for group in components(tied)]
 
 
 def _common_frames(a: LiftedCamera, b: LiftedCamera, options: Options) -> float:
@@ -221,9 +215,9 @@ def _clock_rejection(
 def _require_motion(cameras: Sequence[LiftedCamera]) -> None:
     movement = [movement_of(track, camera.stamps) for camera in cameras for track in camera.tracks]
     most = max(movement, default=0.0)
-    if most < _MOVING_BODIES:
+    if most < MIN_MOVEMENT:
         still = Rejection(
-            RejectionReason.NO_MOTION, measured=most, limit=_MOVING_BODIES, unit="body heights"
+            RejectionReason.NO_MOTION, measured=most, limit=MIN_MOVEMENT, unit="body heights"
         )
         raise Insufficient(Status.DEGENERATE, still)
 

@@ -1,9 +1,9 @@
 """Monocular 3D poses brought to the metric frame of their camera.
 
-A lifter gives joints relative to a root, often tilted and, when it works on a crop of the
-image, turned by the angle of the crop off the optical axis. The key points of the same
-image say where the person is and undo most of that rotation. Where a lens is wide that angle is
-too large for small steps: all key points of a camera together say which share of it to undo first.
+A lifter gives joints relative to a root, often tilted and, when it works on a crop of the image,
+turned by the angle of the crop off the optical axis. The keypoints of the same image determine
+where the person is and most of that rotation. Where a lens is wide, that angle is too large for
+small steps: which fraction of it to undo first is chosen on all keypoints of a camera.
 """
 
 from __future__ import annotations
@@ -14,22 +14,27 @@ import numpy as np
 
 from stcalib_ros.core.geometry.lens import bearings
 from stcalib_ros.core.geometry.so3 import exp_so3, hat
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.geometry.triangulation import unit_rays
+from stcalib_ros.core.lifting.limits import (
+    KEYPOINT_SCALE,
+    MAX_ROTATION,
+    MIN_DETERMINANT,
+    MIN_JOINTS,
+    NEAREST_M,
+    ROTATION_PRIOR,
+)
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter, shutter_of
 from stcalib_ros.core.model.skeleton import Skeleton
 
-_CAUCHY = 0.02
-"""Scale of the robust loss on the plane z = 1: a joint error of 8 cm at 4 m."""
-_ROTATION_PRIOR = 0.003
-"""Weight of the squared rotation: one standard deviation of about ten degrees."""
-_MAX_ROTATION = 0.3
-_MIN_JOINTS = 6
-_NEAREST = 0.3
 _STEPS = 2
+"""Gauss-Newton steps by default. Numerical: the closed form is near, and the prior is strong."""
 _CROP_FRACTIONS = (0.0, 0.5, 1.0)
+"""Fractions of the crop rotation that are tried: known lifters do one of these."""
 _MAX_CROP_FRAMES = 300
+"""Frames by which the crop fraction is chosen, about. Numerical: bounds the cost."""
 
 
 def lift_recording(
@@ -50,17 +55,21 @@ def lift_recording(
     min_score : float
         Joints with a lower score are not used.
     turn : bool
-        Turn the poses onto their key points; else they are placed only.
+        Turn the poses onto their keypoints; else they are placed only.
     rows : bool
-        Keep the rows of the key points though all shutters take all rows at once.
+        Keep the rows of the keypoints though all shutters take all rows at once.
     from_first_row : bool
         Rows and stamps are those from row 0 on, not from the middle.
     """
     rolling = rows or any(camera.line_time_s for camera in recording.cameras)
     return tuple(
         _lift_camera(
-            *(camera, columns, skeleton, min_score, turn),
-            shutter_of(camera, from_first_row=from_first_row) if rolling else None,
+            camera,
+            columns,
+            skeleton,
+            min_score=min_score,
+            turn=turn,
+            shutter=shutter_of(camera, from_first_row=from_first_row) if rolling else None,
         )
         for camera, columns in zip(recording.cameras, skeleton.columns, strict=True)
     )
@@ -70,6 +79,7 @@ def _lift_camera(
     camera: CameraRecording,
     columns: IntArray,
     skeleton: Skeleton,
+    *,
     min_score: float,
     turn: bool,
     shutter: Shutter | None,
@@ -89,19 +99,23 @@ def _lift_camera(
         joints_cam = lift(joints, x, crop=crop, steps=_STEPS if turn else 0)
         usable = np.isfinite(joints_cam).any((1, 2))
         if usable.any():
-            precision = track.keypoints.dtype
             tracks.append(
                 LiftedTrack(
                     track.track_id,
                     track.frames[usable],
-                    x[usable].astype(precision),
-                    focal[usable].astype(precision),
-                    joints_cam[usable].astype(precision),
+                    _as_precise(x[usable], track.keypoints),
+                    _as_precise(focal[usable], track.keypoints),
+                    _as_precise(joints_cam[usable], track.keypoints),
                     None if shutter is None else rows[usable] - shutter.middle_row,
                 )
             )
     shutter = shutter or GLOBAL
     return LiftedCamera(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter)
+
+
+def _as_precise(values: Float64Array, given: FloatArray) -> FloatArray:
+    """Return values in the precision of what they were computed from."""
+    return values.astype(np.float32) if given.dtype == np.float32 else values
 
 
 def _body_scale(joints: Float64Array, skeleton: Skeleton) -> float:
@@ -120,7 +134,7 @@ def _body_scale(joints: Float64Array, skeleton: Skeleton) -> float:
 
 
 def crop_fraction(poses: Sequence[tuple[Float64Array, Float64Array]]) -> float:
-    """How far the poses of a camera are turned as if it looked straight at every person.
+    """Estimate how much of the crop rotation the poses of a camera contain.
 
     A lifter that is given a crop of the image does not know where the crop was, and turns its pose
     from the person's bearing to the optical axis; one that is given the place does not. Some do
@@ -129,34 +143,34 @@ def crop_fraction(poses: Sequence[tuple[Float64Array, Float64Array]]) -> float:
     Parameters
     ----------
     poses : sequence of ((F, J, 3) ndarray, (F, J, 2) ndarray)
-        Per track, joints and key points as for `lift`.
+        Per track, joints and keypoints as for `lift`.
 
     Returns
     -------
     float
-        Of the shares that are tried, 0, 1/2 and 1, the one with which the placed poses project
-        onto the key points best.
+        Fraction of the crop rotation, 0, 1/2 or 1, with which the placed poses project onto the
+        keypoints best.
     """
     stride = max(1, sum(len(joints) for joints, _ in poses) // _MAX_CROP_FRAMES)
     some = [_centred(joints[::stride], x[::stride]) for joints, x in poses]
-    misfits = [sum(_misfit(*one, share) for one in some) for share in _CROP_FRACTIONS]
+    misfits = [sum(_misfit(*one, fraction) for one in some) for fraction in _CROP_FRACTIONS]
     return _CROP_FRACTIONS[int(np.argmin(misfits))]
 
 
 def _misfit(Y: Float64Array, x: Float64Array, used: BoolArray, crop: float) -> float:
-    """Sum of the robust image errors of poses that are turned by a share and placed."""
+    """Sum of the robust image errors of poses, rotated by a fraction of the crop and placed."""
     turned = _undo_crop(Y, x, used, crop)
     root, solved = _place(turned, x, used)
     X = turned + np.where(solved[:, None], root, [0.0, 0.0, 1.0])[:, None]
-    residual = X[..., :2] / np.maximum(X[..., 2:], _NEAREST) - x
+    residual = X[..., :2] / np.maximum(X[..., 2:], NEAREST_M) - x
     square = np.where(used, (residual**2).sum(-1), 0.0)
-    return float(np.log1p(square / _CAUCHY**2).sum())
+    return float(np.log1p(square / KEYPOINT_SCALE**2).sum())
 
 
 def _undo_crop(Y: Float64Array, x: Float64Array, used: BoolArray, crop: float) -> Float64Array:
-    """Turn poses by a share of the angle from the optical axis to the middle of the key points."""
-    seen = np.maximum(used.sum(-1), 1)[:, None]
-    middle = np.where(used[..., None], x, 0.0).sum(1) / seen
+    """Rotate poses by a fraction of the angle from the optical axis to their keypoints."""
+    n_usable = np.maximum(used.sum(-1), 1)[:, None]
+    middle = np.where(used[..., None], x, 0.0).sum(1) / n_usable
     off_axis = np.linalg.norm(middle, axis=-1, keepdims=True)
     axis = np.stack([-middle[:, 1], middle[:, 0], np.zeros(len(x))], -1)
     rotvec = crop * np.arctan(off_axis) * axis / np.maximum(off_axis, 1e-12)
@@ -164,10 +178,10 @@ def _undo_crop(Y: Float64Array, x: Float64Array, used: BoolArray, crop: float) -
 
 
 def _centred(joints: Float64Array, x: Float64Array) -> tuple[Float64Array, Float64Array, BoolArray]:
-    """Poses about the middle of their joints, key points, and which can be used; else 0."""
+    """Return poses about the centre of their joints, keypoints, and which are usable; else 0."""
     known = np.asarray(np.isfinite(joints).all(-1))
     used = np.asarray(known & np.isfinite(x).all(-1))
-    used &= used.sum(-1, keepdims=True) >= _MIN_JOINTS
+    used &= used.sum(-1, keepdims=True) >= MIN_JOINTS
     Y = np.where(known[..., None], joints, 0.0)
     centre = Y.sum(1, keepdims=True) / np.maximum(known.sum(-1), 1)[:, None, None]
     Y = np.where(known[..., None], Y - centre, 0.0)
@@ -177,10 +191,10 @@ def _centred(joints: Float64Array, x: Float64Array) -> tuple[Float64Array, Float
 def lift(
     joints: Float64Array, x: Float64Array, *, crop: float = 0.0, steps: int = _STEPS
 ) -> Float64Array:
-    """Place and turn monocular poses so that they project onto their key points.
+    """Place and turn monocular poses so that they project onto their keypoints.
 
     The position of the root is the closed-form solution of ``argmin_T sum_s |(I - b b^T)
-    (Y_s + T)|^2`` with the bearings b of the key points; then Gauss-Newton steps on the
+    (Y_s + T)|^2`` with the bearings b of the keypoints; then Gauss-Newton steps on the
     robust image error for the root and a rotation that a prior keeps small.
 
     Parameters
@@ -188,9 +202,9 @@ def lift(
     joints : (F, J, 3) ndarray
         Y, in the axes of the optical frame, any origin, metres; NaN where unknown.
     x : (F, J, 2) ndarray
-        Key points on the plane z = 1; NaN where not seen.
+        Keypoints on the plane z = 1; NaN where not observed.
     crop : float
-        Share of the angle off the optical axis that the poses are turned by: see `crop_fraction`.
+        Fraction of the angle off the optical axis to rotate by: see `crop_fraction`.
     steps : int
         Gauss-Newton steps.
 
@@ -208,20 +222,19 @@ def lift(
     root, solved = _place(Y, target, used)
     for _ in range(steps):
         Y, root = _turn(Y, root, target, used)
-    ahead = (Y[..., 2] + root[:, None, 2] > _NEAREST) | ~used
+    ahead = (Y[..., 2] + root[:, None, 2] > NEAREST_M) | ~used
     good = enough & solved & ahead.all(-1)
     return np.where((good[:, None] & known)[..., None], Y + root[:, None], np.nan)
 
 
 def _place(Y: Float64Array, x: Float64Array, used: BoolArray) -> tuple[Float64Array, BoolArray]:
-    b = np.concatenate([x, np.ones_like(x[..., :1])], -1)
-    b /= np.linalg.norm(b, axis=-1, keepdims=True)
+    b = unit_rays(x)
     P = used[..., None, None] * (np.eye(3) - b[..., :, None] * b[..., None, :])
     A = P.sum(1)
     rhs = -np.einsum("fjab,fjb->fa", P, Y)
-    good = np.linalg.det(A) > 1e-6
+    good = np.linalg.det(A) > MIN_DETERMINANT
     root = np.linalg.solve(np.where(good[:, None, None], A, np.eye(3)), rhs[..., None])[..., 0]
-    return root, good & (root[:, 2] > _NEAREST)
+    return root, good & (root[:, 2] > NEAREST_M)
 
 
 def _turn(
@@ -229,9 +242,9 @@ def _turn(
 ) -> tuple[Float64Array, Float64Array]:
     """One Gauss-Newton step for the root and a small rotation of the pose about it."""
     X = Y + root[:, None]
-    depth = np.maximum(X[..., 2], _NEAREST)
+    depth = np.maximum(X[..., 2], NEAREST_M)
     residual = X[..., :2] / depth[..., None] - x
-    weight = used / (1.0 + (residual**2).sum(-1) / _CAUCHY**2)
+    weight = used / (1.0 + (residual**2).sum(-1) / KEYPOINT_SCALE**2)
     J_X = np.zeros((*Y.shape[:2], 2, 3))
     J_X[..., 0, 0] = J_X[..., 1, 1] = 1.0 / depth
     J_X[..., :, 2] = -X[..., :2] / depth[..., None] ** 2
@@ -239,11 +252,11 @@ def _turn(
     J = np.concatenate([J_omega, J_X], -1).reshape(len(Y), 2 * Y.shape[1], 6)
     weighted = np.swapaxes(J * np.repeat(weight, 2, axis=1)[..., None], -1, -2)
     H = weighted @ J
-    H[:, range(3), range(3)] += _ROTATION_PRIOR
+    H[:, range(3), range(3)] += ROTATION_PRIOR
     H[:, range(6), range(6)] += 1e-9
     g = weighted @ residual.reshape(len(Y), 2 * Y.shape[1], 1)
     step = -np.linalg.solve(H, g)[..., 0]
     omega = step[:, :3]
     length = np.linalg.norm(omega, axis=-1, keepdims=True)
-    omega = omega * np.minimum(1.0, _MAX_ROTATION / np.maximum(length, 1e-12))
+    omega = omega * np.minimum(1.0, MAX_ROTATION / np.maximum(length, 1e-12))
     return Y @ np.swapaxes(exp_so3(omega), -1, -2), root + step[:, 3:]

@@ -29,7 +29,7 @@ class LiftedViews:
 def lift_views(recording: Recording, options: Options) -> LiftedViews:
     """Bring the monocular poses of all cameras into their optical frames.
 
-    The default method turns them onto their key points; the paper's takes them as they come,
+    The default method turns them onto their keypoints; the paper's takes them as they come,
     unless ``vmf.turn_poses`` is set.
     """
     turn = options.registration.method != "vmf" or options.vmf.turn_poses

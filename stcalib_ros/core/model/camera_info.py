@@ -42,7 +42,7 @@ def intrinsics_from_camera_info(
     Parameters
     ----------
     width, height : int
-        Of the full sensor, px.
+        Size of the full sensor, px.
     distortion_model : str
         ``plumb_bob``, ``rational_polynomial`` or ``equidistant``; may be empty if `d` is all zero.
     d : sequence of float
@@ -59,7 +59,7 @@ def intrinsics_from_camera_info(
     roi : (x_offset, y_offset, width, height)
         In sensor pixels; a width or height of 0 reaches to the edge.
     rectified : bool
-        The key points are in the rectified image: `p` and `r` hold, and there is no distortion.
+        The keypoints are in the rectified image: `p` and `r` hold, and there is no distortion.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def _check_pinhole(name: str, matrix: Float64Array) -> None:
         raise InputError(f"CameraInfo.{name}[0] is 0: the camera is not calibrated; {_CALIBRATE}")
     if matrix[0, 0] < 0 or matrix[1, 1] <= 0 or not np.array_equal(matrix[2], [0, 0, 1]):
         raise InputError(
-            f"CameraInfo.{name} is no pinhole matrix (fx, fy > 0, last row 0 0 1): "
+            f"CameraInfo.{name} is not a pinhole matrix (fx, fy > 0, last row 0 0 1): "
             f"{matrix.tolist()}; {_CALIBRATE}"
         )
 

@@ -63,6 +63,10 @@ _BODY_PARENT = {
 """Usual parent of a joint, by name; where a layout lacks it, its own parent serves."""
 
 
+TRUNK_JOINTS = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
+"""Joints whose mean is the middle of the body."""
+
+
 @dataclass(frozen=True, slots=True)
 class Layout:
     """Names and parents of the joints of one pose format.
@@ -122,7 +126,7 @@ def layout_from_names(
     joint_names : sequence of str
         In the order of the arrays. Names are those of the built-in layouts
         (``left_knee``, ``neck``, ...); an unknown name is a joint without a parent,
-        which still serves as a key point.
+        which still serves as a keypoint.
     name : str
         The layout's own name.
     parent_of : dict, optional

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter
 
 
@@ -18,22 +19,22 @@ class LiftedTrack:
     frames : (F,) ndarray of int
         Indices into the stamps of the camera.
     x : (F, J, 2) ndarray
-        Undistorted key points on the plane z = 1; NaN where not used.
+        Undistorted keypoints on the plane z = 1; NaN where not used.
     focal : (F, J) ndarray
         Pixels per unit of `x`.
     joints_cam : (F, J, 3) ndarray
         Joints in the optical frame, metres; NaN where the frame could not be lifted.
     rows : (F, J) ndarray or None
-        Of the key points in the image, px, counted from the middle row of the shutter; None where
-        all shutters take all rows at once.
+        Rows of the keypoints in the image, px, counted from the middle row of the shutter; None
+        where all shutters take all rows at once.
     """
 
     track_id: int
     frames: IntArray
-    x: Float64Array
-    focal: Float64Array
-    joints_cam: Float64Array
-    rows: Float64Array | None = None
+    x: FloatArray
+    focal: FloatArray
+    joints_cam: FloatArray
+    rows: FloatArray | None = None
 
     def __getitem__(self, some: slice | BoolArray) -> LiftedTrack:
         """The same person in some of the frames."""
@@ -64,3 +65,22 @@ class LiftedCamera:
     stamps: Float64Array
     tracks: tuple[LiftedTrack, ...]
     shutter: Shutter = GLOBAL
+
+
+def time_span(cameras: Sequence[LiftedCamera], offset_s: Iterable[float]) -> tuple[float, float]:
+    """First and last image of some cameras, seconds by the reference clock.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+    offset_s : iterable of float
+        Time offset of each of them, seconds.
+    """
+    starts, ends = zip(
+        *(
+            (camera.stamps[0] + offset, camera.stamps[-1] + offset)
+            for camera, offset in zip(cameras, offset_s, strict=True)
+        ),
+        strict=True,
+    )
+    return float(min(starts)), float(max(ends))

@@ -1,4 +1,4 @@
-"""The records that everything else works on: what was seen, and what came out.
+"""The input of a calibration: recordings of people by several cameras.
 
 Frames are in the names: ``R_ref_cam`` turns coordinates of the camera's optical frame
 (x right, y down, z forward) into those of the reference frame. Times are float64 seconds.
@@ -12,7 +12,7 @@ from enum import Enum
 
 import numpy as np
 
-from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.arrays import Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
 
 
@@ -26,7 +26,7 @@ class LensModel(Enum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Intrinsics:
-    """Lens of one camera, for the pixels that its key points are given in.
+    """Lens of one camera, for the pixels that its keypoints are given in.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Intrinsics:
         Distortion coefficients in OpenCV's order; empty or zero: none.
     R_rect_cam : (3, 3) ndarray
         Optical frame to the frame in which `K` holds; not the identity only for rectified
-        key points of a stereo pair.
+        keypoints of a stereo pair.
     """
 
     width: int
@@ -53,18 +53,18 @@ class Intrinsics:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """One person as one camera's own tracker saw him: gaps, fragments and id switches included.
+    """One person as one camera's own tracker reports them: with gaps, fragments and id switches.
 
     Poses are float64, or the float32 of messages, which takes half of the memory.
 
     Attributes
     ----------
     track_id : int
-        Of this camera's tracker; not shared between cameras.
+        Id by this camera's own tracker; ids of different cameras are unrelated.
     frames : (F,) ndarray of int
         Strictly increasing indices into the stamps of the camera.
     keypoints : (F, J, 2) ndarray
-        Image positions, px; NaN where not seen.
+        Image positions, px; NaN where not observed.
     joints : (F, J, 3) ndarray
         Monocular 3D pose in the axes of the optical frame, metres or up to scale; NaN where
         unknown.
@@ -74,14 +74,14 @@ class Track:
 
     track_id: int
     frames: IntArray
-    keypoints: Float64Array
-    joints: Float64Array
-    scores: Float64Array
+    keypoints: FloatArray
+    joints: FloatArray
+    scores: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraRecording:
-    """All that one camera saw.
+    """All tracks of one camera.
 
     Attributes
     ----------
@@ -94,13 +94,13 @@ class CameraRecording:
         Joints of all its tracks.
     stamps : (N,) ndarray
         Acquisition times by the camera's own clock, seconds since `Recording.epoch_ns`,
-        strictly increasing; images without a person are among them.
+        strictly increasing; images without a person are included.
     tracks : tuple of Track
     metric : bool
         The 3D poses are in metres.
     line_time_s : float
-        Of a rolling shutter: row v of an image is taken at ``stamp + line_time_s * v``; 0: all
-        rows at once.
+        Line delay of a rolling shutter: row v of an image is taken at
+        ``stamp + line_time_s * v``; 0: all rows at once.
     """
 
     name: str
@@ -144,7 +144,7 @@ def excerpt(
     start_s, end_s : float
         Seconds since the epoch of the recording.
     offsets_s : mapping of str to float, optional
-        By camera, what to add to its stamps before they are compared.
+        Offset to add to the stamps of each camera before they are compared.
     """
     offsets = offsets_s or {}
     return replace(

@@ -18,15 +18,15 @@ class RelativePose:
         Indices of the cameras.
     R_a_b : (3, 3) ndarray
     t_a_b : (3,) ndarray
-        ``x_a = R_a_b @ x_b + t_a_b``, metres by the size of the people.
+        ``x_a = R_a_b @ x_b + t_a_b``, metres by body size.
     lag_s : float
-        ``t_b - t_a`` of the same moment, seconds.
+        ``t_b - t_a`` of the same time, seconds.
     matches : tuple of (int, int)
         Indices of tracks of a and b that are the same person.
     support : float
-        Weight of the frames that agree.
+        Weight of the frames that agree with it.
     epipolar_px : float
-        Median Sampson distance of the matched key points; NaN before refinement.
+        Median Sampson distance of the matched keypoints; NaN before refinement.
     """
 
     a: int
@@ -42,7 +42,7 @@ class RelativePose:
 def relative_pose(
     rig: Rig, a: int, b: int, matches: tuple[tuple[int, int], ...] = ()
 ) -> RelativePose:
-    """How two cameras of a rig (positions) stand to one another."""
+    """Return the relative pose of two cameras of a rig, given by their positions in it."""
     R_a = rig.R_ref_cam[a]
     return RelativePose(
         int(rig.cameras[a]),

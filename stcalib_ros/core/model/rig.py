@@ -12,7 +12,7 @@ from stcalib_ros.core.model.arrays import Float64Array, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rig:
-    """Poses and clocks of all cameras that hang together.
+    """Poses and time offsets of connected cameras.
 
     Attributes
     ----------
@@ -20,13 +20,13 @@ class Rig:
         Indices of the cameras; the first is the reference.
     R_ref_cam : (C, 3, 3) ndarray
     t_ref_cam : (C, 3) ndarray
-        Camera centres, metres by the size of the people.
+        Camera centres, metres by body size.
     offset_s : (C,) ndarray
         ``t_ref = t_cam + offset_s``.
     support : float
         Weight of the hypotheses that agree.
     synchronised : bool
-        The clocks are known to agree: offsets are zero and no unknowns.
+        The clocks are known to agree: offsets are zero and not estimated.
     """
 
     cameras: IntArray

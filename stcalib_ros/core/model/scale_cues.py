@@ -23,7 +23,7 @@ class Distance:
     cameras : tuple of str
         Two names; or none, and the distance is between two points.
     points : mapping of str to ((float, float), (float, float))
-        By camera, at least two, the pixels of both ends.
+        Pixels of both ends in each of at least two cameras.
     """
 
     metres: float
@@ -46,7 +46,7 @@ class Distance:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Cameras that it speaks of."""
+        """Names of the cameras concerned."""
         return self.cameras or tuple(self.points or ())
 
 

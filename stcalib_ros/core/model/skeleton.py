@@ -13,6 +13,8 @@ from stcalib_ros.core.model.recording import Recording
 
 _SIDES = ("left", "right")
 _MIN_DIRECTIONS = 4
+"""Count. Layouts with fewer bones and body lines in common are refused: they do not determine the
+rotation of a body. Chosen."""
 _ADULT_LENGTHS = {
     f"{side}_{bone.replace(' ', f' {side}_')}": length
     for side in _SIDES
@@ -23,7 +25,10 @@ _ADULT_LENGTHS = {
         "elbow wrist": 0.25,
     }.items()
 } | {"torso": 0.50}
-"""Metres, for lifters that give poses up to scale."""
+"""Metres. Segment lengths of an adult of 1.72 m, for lifters that give poses up to scale: thigh
+0.245, shank 0.246, upper arm 0.17 (0.186 to the shoulder), forearm 0.146, trunk 0.288 of the height
+(R. Drillis and R. Contini, 1966; D. A. Winter, "Biomechanics and motor control of human movement",
+2009), by what common layouts take for hips and shoulders."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +40,7 @@ class Skeleton:
     layout : Layout
         The J joints that every camera gives.
     columns : tuple of (J,) ndarray of int
-        For each camera: where these joints stand in its own layout.
+        Indices of these joints in the layout of each camera.
     directions : (D, J) ndarray
         Rows that turn joints into bone vectors: bones, hip line, shoulder line, torso.
     adult_lengths : (D,) ndarray
@@ -49,7 +54,7 @@ class Skeleton:
 
 
 def common_skeleton(recording: Recording) -> Skeleton:
-    """Joints and directions shared by all cameras.
+    """Return the joints and directions that all cameras have in common.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""From what span after span says to a verdict on every camera, which takes more than one."""
+"""From the findings of successive spans to a verdict on every camera."""
 
 from __future__ import annotations
 
@@ -9,64 +9,69 @@ from enum import Enum
 
 import numpy as np
 
+from stcalib_ros.core.geometry.robust import RMS_OVER_MEDIAN
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.monitoring.change_detection import (
     CLOCK,
-    RMS_OVER_MEDIAN,
+    N_CHANGES,
     ROTATION,
     SHIFT,
     Finding,
     explains,
 )
+from stcalib_ros.core.monitoring.limits import (
+    CONFIRMING_SPANS,
+    KEPT_SPANS,
+    MAX_DISAGREEMENT,
+    MAX_MATCHED_FRACTION,
+    MAX_RESIDUAL_PX,
+    MAX_RESIDUAL_RATIO,
+    MIN_EXPECTED,
+    MIN_GAIN_TO_CORRECT,
+    MIN_MISSED_FRACTION,
+    MIN_SPAN_EFFECT,
+    MIN_SPAN_GAIN,
+    MIN_TOTAL_GAIN,
+    MIN_TOTAL_GAIN_WITH_SHIFT,
+    RECENT_SPANS,
+    UNMATCHED_SPANS,
+)
 from stcalib_ros.core.monitoring.spans import Span
-
-KEPT_SPANS = 5
-_RECENT = 4
-_CONFIRMED = 2
-_LOST_SPANS = 3
-_MIN_GAIN = 3.0
-_MIN_SHIFT_GAIN = 6.0
-_MIN_SPAN_GAIN = 0.3
-_HALF = 0.5
-_MAX_MATCHED = 0.1
-_MIN_EXPECTED = 5
-_DISAGREES = 2.5
-_DISAGREES_PX = 20.0
-_BLIND = 0.9
 
 
 class State(Enum):
-    """What is known of a camera; the values go to diagnostics."""
+    """State of a camera; the values appear in diagnostics."""
 
-    UNKNOWN = "nobody to check it by"
+    UNKNOWN = "no data"
     OK = "ok"
     MOVED = "moved"
     CLOCK = "clock has jumped"
     BOTH = "moved, and clock has jumped"
-    LOST = "matches nobody any more"
-    AWAY = "stamps are far from those of the others"
-    BLIND = "sees nobody"
+    UNMATCHED = "unmatched"
+    STAMPS_OFF = "stamps off"
+    NO_DETECTIONS = "no detections"
 
     @property
     def alarm(self) -> bool:
-        """The calibration does not hold for the camera, or it cannot be told any more."""
+        """Whether the calibration is wrong for the camera, or can no longer be checked."""
         return self not in (State.UNKNOWN, State.OK)
 
     @property
     def changed(self) -> bool:
-        """The calibration does not hold for the camera."""
-        return self.alarm and self is not State.BLIND
+        """Whether the calibration is wrong for the camera."""
+        return self.alarm and self is not State.NO_DETECTIONS
 
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """From which change on there is an alarm.
+    """Smallest change that raises an alarm.
 
     Attributes
     ----------
     rotation_deg : float
-        Turn of a camera; a displacement counts by the angle that it makes at the people.
+        Rotation of a camera; a displacement counts by the angle that it subtends at the people.
     clock_s : float
+        Jump of its clock.
     """
 
     rotation_deg: float = 1.0
@@ -75,21 +80,22 @@ class Thresholds:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What is known of one camera.
+    """State of one camera with what was estimated.
 
     Attributes
     ----------
     name : str
     state : State
     rotation_deg, shift_m, clock_jump_s : float
-        Turn, displacement and what its stamps have more, as measured; NaN where unknown.
-    residual_px, promised_px : float
-        Epipolar distance to the other cameras, root mean square: now, and by the calibration.
+        Estimated rotation, displacement and advance of its stamps; NaN where unknown.
+    residual_px, expected_px : float
+        Epipolar distance to the other cameras, root mean square: now, and when the calibration was
+        made.
     since_s : float
-        From this stamp on (reference clock) all data is from after the last change, be it that the
-        camera was put back; NaN if nothing has happened to it.
+        Time of the reference clock from which on all data is from after the last change (moving
+        the camera back is one, too); NaN without a change.
     suspects : tuple of str
-        It is one of these cameras, and what they see does not tell which; empty if it is known.
+        Cameras of which one has changed, where it cannot be determined which; else empty.
     """
 
     name: str
@@ -98,38 +104,39 @@ class Verdict:
     shift_m: float = math.nan
     clock_jump_s: float = math.nan
     residual_px: float = math.nan
-    promised_px: float = math.nan
+    expected_px: float = math.nan
     since_s: float = math.nan
     suspects: tuple[str, ...] = ()
 
     def sentence(self) -> str:
-        """For a person: what has happened; to be followed by what to do."""
+        """Return what has happened in words, to be followed by what to do."""
         who = " or ".join(self.suspects) if self.suspects else self.name
         turned = f"turned by {self.rotation_deg:.1f} degrees"
         if self.shift_m > 0:
             turned += f" and shifted by {self.shift_m:.2f} m"
         jumped = f"jumped by {1e3 * self.clock_jump_s:+.0f} ms"
-        usual = f"{self.promised_px:.0f} px are usual"
+        usual = f"{self.expected_px:.0f} px are usual"
         residuals = f"{self.residual_px:.0f} px from the others, {usual}"
         return {
-            State.UNKNOWN: f"{who}: nobody was seen whom others see, too",
+            State.UNKNOWN: f"{who} has not observed anybody whom other cameras observe, too",
             State.OK: f"{who} agrees with the calibration",
             State.MOVED: f"{who} has moved, as if {turned} ({residuals})",
             State.CLOCK: f"the clock of {who} has {jumped} ({residuals})",
             State.BOTH: (
                 f"{who} has moved, as if {turned}, and its clock has {jumped} ({residuals})"
             ),
-            State.LOST: (
-                f"{who} matches nobody any more: moved far, replaced, or its clock is off by much"
+            State.UNMATCHED: (
+                f"{who} observes people who match nobody in the other cameras: it was moved far or "
+                "replaced, or its clock is off by half a second or more"
             ),
-            State.AWAY: (
+            State.STAMPS_OFF: (
                 f"the stamps of {who} are {abs(self.clock_jump_s):.1f} s "
                 f"{'ahead of' if self.clock_jump_s > 0 else 'behind'} those of the others: "
                 "its clock has jumped, or its images come late"
             ),
-            State.BLIND: (
-                f"{who} sees nobody, though people should be in its view: turned away, covered, "
-                "or its detector has stopped"
+            State.NO_DETECTIONS: (
+                f"{who} has no detections, though people should be in its view: it was turned away "
+                "or covered, or its detector has stopped"
             ),
         }[self.state]
 
@@ -137,17 +144,17 @@ class Verdict:
 def judge(
     spans: Sequence[Span], before: Mapping[str, Verdict], thresholds: Thresholds
 ) -> dict[str, Verdict]:
-    """Verdicts on all cameras after another span.
+    """Return the verdicts on all cameras after another span.
 
     An alarm needs the agreement of successive spans, and so does its end; in between, and while
-    nobody is seen, things stay as they are.
+    nobody is observed, the verdict stays as it is.
 
     Parameters
     ----------
     spans : sequence of Span
-        The last `KEPT_SPANS`, or fewer.
+        The last `limits.KEPT_SPANS`, or fewer.
     before : mapping of str to Verdict
-        The verdicts until now, of all cameras of the calibration.
+        Verdicts so far, of all cameras of the calibration.
     thresholds : Thresholds
     """
     return {name: _verdict(spans, verdict, thresholds) for name, verdict in before.items()}
@@ -155,40 +162,40 @@ def judge(
 
 def _verdict(spans: Sequence[Span], before: Verdict, thresholds: Thresholds) -> Verdict:
     name = before.name
-    away_s = [s.away_s[name] for s in spans[-_CONFIRMED:] if name in s.away_s]
-    if len(away_s) == _CONFIRMED:
+    lead_s = [s.lead_s[name] for s in spans[-CONFIRMING_SPANS:] if name in s.lead_s]
+    if len(lead_s) == CONFIRMING_SPANS:
         since_s = _since(spans[-1], before)
-        return Verdict(name, State.AWAY, clock_jump_s=away_s[-1], since_s=since_s)
+        return Verdict(name, State.STAMPS_OFF, clock_jump_s=lead_s[-1], since_s=since_s)
     own = [(span, span.findings[name]) for span in spans if name in span.findings]
-    own = [(span, f) for span, f in own if f.fit.n_points or f.expected or f.blind]
+    own = [(span, f) for span, f in own if f.fit.n_points or f.expected or f.missed]
     if not own:
         return before
     last = own[-1][1]
     measured = replace(
-        before, residual_px=RMS_OVER_MEDIAN * last.fit.before_px, promised_px=last.promised_px
+        before, residual_px=RMS_OVER_MEDIAN * last.fit.before_px, expected_px=last.expected_px
     )
     run = _run(own, lambda f: _suspicious(f, thresholds))
-    changed = _changed(run[-_RECENT:], measured, thresholds)
-    return changed or _gone(own, measured, thresholds) or _calmed(own, measured, thresholds)
+    changed = _changed(run[-RECENT_SPANS:], measured, thresholds)
+    return changed or _gone(own, measured, thresholds) or _confirmed(own, measured, thresholds)
 
 
 def _gone(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | None:
-    """Alarm if a camera matches nobody or sees nobody for longer than chance has it."""
-    lost = _run(own, lambda f: _lost(f) or (_suspicious(f, thresholds) and f.fit.gain > 1.0))
-    if len(lost) >= _LOST_SPANS and sum(_lost(f) for _, f in lost) >= _CONFIRMED:
-        since_s = _since(lost[0][0], measured)
-        return _alarm(measured, State.LOST, since_s, suspects=_pair(lost[-1][0]))
-    blind = _run(own, lambda f: f.blind >= _BLIND * f.moments)
-    if len(blind) >= KEPT_SPANS and not measured.state.changed:
-        return _alarm(measured, State.BLIND, _since(blind[0][0], measured))
+    """Return an alarm if a camera is unmatched or without detections for long."""
+    gone = _run(own, lambda f: _unmatched(f) or _clearly_changed(f, thresholds))
+    if len(gone) >= UNMATCHED_SPANS and sum(_unmatched(f) for _, f in gone) >= CONFIRMING_SPANS:
+        since_s = _since(gone[0][0], measured)
+        return _alarm(measured, State.UNMATCHED, since_s, suspects=_pair(gone[-1][0]))
+    missed = _run(own, lambda f: f.missed >= MIN_MISSED_FRACTION * f.n_steps)
+    if len(missed) >= KEPT_SPANS and not measured.state.changed:
+        return _alarm(measured, State.NO_DETECTIONS, _since(missed[0][0], measured))
     return None
 
 
-def _calmed(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict:
-    """All is well if the last spans say so; else things stay as they are."""
-    fine = _run(own, lambda f: not _suspicious(f, thresholds) and not _lost(f))
+def _confirmed(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict:
+    """Return that the calibration holds if the last spans confirm it, else the same verdict."""
+    fine = _run(own, lambda f: not _suspicious(f, thresholds) and not _unmatched(f))
     evident = [(span, f) for span, f in fine if f.fit.n_points]
-    if len(evident) < (_CONFIRMED if measured.state.alarm else 1):
+    if len(evident) < (CONFIRMING_SPANS if measured.state.alarm else 1):
         return measured
     since_s = evident[0][0].end_s if measured.state.alarm else measured.since_s
     change = evident[-1][1].fit.change
@@ -204,23 +211,20 @@ _Own = Sequence[tuple[Span, Finding]]
 
 
 def _run(own: _Own, holds: Callable[[Finding], bool]) -> _Own:
-    """The latest spans in a row for which something holds."""
-    n = _run_of([holds(f) for _, f in own])
+    """Return the latest spans in a row for which something holds."""
+    n = next((n for n, (_, f) in enumerate(reversed(own)) if not holds(f)), len(own))
     return own[len(own) - n :]
 
 
-def _run_of(values: Sequence[bool]) -> int:
-    return next((n for n, value in enumerate(reversed(values)) if not value), len(values))
-
-
-def _lost(f: Finding) -> bool:
-    unmatched = f.expected >= _MIN_EXPECTED and f.matched <= _MAX_MATCHED * f.expected
-    far = f.fit.before_px > max(_DISAGREES * f.promised_px, _DISAGREES_PX)
-    return (unmatched and not f.fit.n_points) or (far and not explains(f.fit, f.promised_px))
+def _unmatched(f: Finding) -> bool:
+    """Whether nobody matches, or residuals are large and no change explains them."""
+    nobody = f.expected >= MIN_EXPECTED and f.matched <= MAX_MATCHED_FRACTION * f.expected
+    far = f.fit.before_px > max(MAX_RESIDUAL_RATIO * f.expected_px, MAX_RESIDUAL_PX)
+    return (nobody and not f.fit.n_points) or (far and not explains(f.fit, f.expected_px))
 
 
 def _effect(change: Float64Array, depth_m: float, thresholds: Thresholds) -> tuple[float, float]:
-    """Size of a change of the pose and of the clock, in units of the thresholds."""
+    """Return the size of a change of pose and of clock as multiples of the thresholds."""
     angle = float(np.linalg.norm(change[ROTATION]))
     shift = float(np.linalg.norm(change[SHIFT])) / depth_m if change[SHIFT].any() else 0.0
     return (
@@ -231,28 +235,37 @@ def _effect(change: Float64Array, depth_m: float, thresholds: Thresholds) -> tup
 
 def _suspicious(f: Finding, thresholds: Thresholds) -> bool:
     effect = max(_effect(f.fit.change, f.depth_m, thresholds))
-    return f.fit.gain >= _MIN_SPAN_GAIN and effect >= _HALF and explains(f.fit, f.promised_px)
+    return (
+        f.fit.gain >= MIN_SPAN_GAIN and effect >= MIN_SPAN_EFFECT and explains(f.fit, f.expected_px)
+    )
+
+
+def _clearly_changed(f: Finding, thresholds: Thresholds) -> bool:
+    """Whether a span shows a change strongly enough to belong to a run of unmatched ones."""
+    return _suspicious(f, thresholds) and f.fit.gain > MIN_GAIN_TO_CORRECT
 
 
 def _changed(run: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | None:
-    """Alarm if a run of suspicious spans adds up to a change, and the last ones agree on it."""
+    """Return an alarm if suspicious spans add up to a change and the last ones agree on it."""
     gain = sum(f.fit.gain for _, f in run)
-    needed = _MIN_SHIFT_GAIN if any(f.fit.change[SHIFT].any() for _, f in run) else _MIN_GAIN
-    if len(run) < _CONFIRMED or gain < needed:
+    shifted = any(f.fit.change[SHIFT].any() for _, f in run)
+    needed = MIN_TOTAL_GAIN_WITH_SHIFT if shifted else MIN_TOTAL_GAIN
+    if len(run) < CONFIRMING_SPANS or gain < needed:
         return None
     depth_m = float(np.median([f.depth_m for _, f in run]))
     if max(_effect(_combined([f for _, f in run]), depth_m, thresholds)) < 1.0:
         return None
-    alike = _run(run, lambda f: _alike(f, run[-1][1], thresholds))
-    if len(alike) < _CONFIRMED:
+    agreeing = _run(run, lambda f: _agree(f, run[-1][1], thresholds))
+    if len(agreeing) < CONFIRMING_SPANS:
         return None
-    change = _combined([f for _, f in alike])
+    change = _combined([f for _, f in agreeing])
     moved, jumped = _effect(change, depth_m, thresholds)
     state = State.MOVED if moved > jumped else State.CLOCK
     state = State.BOTH if min(moved, jumped) >= 1.0 else state
     rivals = frozenset.intersection(*(frozenset(f.rivals) for _, f in run))
     suspects = tuple(sorted({measured.name, *rivals})) if rivals else _pair(run[-1][0])
-    since_s = _since(alike[0][0], measured) if len(alike) == len(run) else alike[0][0].end_s
+    first = agreeing[0][0]
+    since_s = _since(first, measured) if len(agreeing) == len(run) else first.end_s
     return replace(
         _alarm(measured, state, since_s),
         rotation_deg=math.degrees(float(np.linalg.norm(change[ROTATION]))),
@@ -263,30 +276,31 @@ def _changed(run: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | 
 
 
 def _pair(span: Span) -> tuple[str, ...]:
-    """Two cameras, if there are no more: it cannot be told which of them has changed."""
+    """Return both cameras if there are two: it cannot be determined which one has changed."""
     return tuple(sorted(span.findings)) if len(span.findings) == 2 else ()
 
 
-def _alike(a: Finding, b: Finding, thresholds: Thresholds) -> bool:
-    """Whether two spans may show one change, and not two, or a part of one."""
-    apart = max(_effect(a.fit.change - b.fit.change, b.depth_m, thresholds))
-    return apart <= max(1.0, _HALF * max(_effect(b.fit.change, b.depth_m, thresholds)))
+def _agree(a: Finding, b: Finding, thresholds: Thresholds) -> bool:
+    """Whether two spans may show the same change, and not two, or a part of one."""
+    difference = max(_effect(a.fit.change - b.fit.change, b.depth_m, thresholds))
+    size = max(_effect(b.fit.change, b.depth_m, thresholds))
+    return difference <= max(1.0, MAX_DISAGREEMENT * size)
 
 
 def _combined(findings: Sequence[Finding]) -> Float64Array:
-    """Changes of several spans, averaged with the weights of what each one knows."""
-    total, weighted = np.zeros((7, 7)), np.zeros(7)
+    """Return the mean change of several spans, weighted by their information matrices."""
+    total, weighted = np.zeros((N_CHANGES, N_CHANGES)), np.zeros(N_CHANGES)
     for f in findings:
         total += f.fit.information
         weighted += f.fit.information @ f.fit.change
     known = total.diagonal() > 0
-    out = np.zeros(7)
+    out = np.zeros(N_CHANGES)
     out[known] = np.linalg.lstsq(total[np.ix_(known, known)], weighted[known], rcond=None)[0]
     return out
 
 
 def _since(first: Span, before: Verdict) -> float:
-    """All data is from after the change from the end of the first span that shows it."""
+    """Return the time from which on all data is from after the change."""
     return before.since_s if before.state.alarm else first.end_s
 
 
@@ -297,7 +311,7 @@ def _alarm(
         measured.name,
         state,
         residual_px=measured.residual_px,
-        promised_px=measured.promised_px,
+        expected_px=measured.expected_px,
         since_s=since_s,
         suspects=suspects,
     )

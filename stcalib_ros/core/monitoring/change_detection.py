@@ -1,8 +1,8 @@
-"""Which change of which camera would explain that it disagrees with the others, and how well.
+"""Which change of which camera explains its residuals to the others, and how well.
 
-Every camera is tried alone: its pose and its clock are fitted to what all others see, who stay
-as they are. A camera that has moved makes all its pairs disagree, and only its own change mends
-them all; then the next one is looked for, with the first one corrected.
+Each camera is tested by itself: a change of its pose and clock is fitted to the observations of all
+others, which are held. A camera that has moved disagrees with all others, and only its own change
+reduces all these residuals; the next one is then tested with the first one corrected.
 """
 
 from __future__ import annotations
@@ -12,52 +12,63 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.geometry.robust import MIN_NOISE_PX, NOISE_MARGIN, RMS_OVER_MEDIAN
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.monitoring.limits import (
+    CORRELATED_POINTS,
+    MAX_FIT_PX,
+    MAX_FIT_RATIO,
+    MIN_GAIN_TO_CORRECT,
+    MIN_POINTS,
+    MIN_SHIFT_GAIN,
+    MIN_SHIFT_GAIN_RATIO,
+    PRIOR_STDDEV,
+    RIVAL_GAIN_RATIO,
+)
 from stcalib_ros.core.monitoring.matching import SpanObservations
 
-_ITERATIONS = 6
-_NOISE_FLOOR_PX = 3.0
-_CORRELATED = 60.0
-"""Key points that make one independent measurement: joints of one body, moment after moment."""
-_PRIOR = np.repeat([0.3, 0.3, 0.5], [3, 3, 1])
-"""Standard deviations of what may have happened: rad, m, s."""
-_MIN_POINTS = 40
-_MAX_POINTS = 900
-"""Of one camera beside all others; of more, a part is compared that stands for all."""
-WORTH_CORRECTING = 1.0
-"""Gain of a change from which on the others are judged with it."""
-_WORTH_A_SHIFT = 1.0
-"""Turn and shift can stand in for one another: where a calibration knows their difference badly,
-people at other places than those it was made from gain a little by both."""
-_RIVAL = 0.7
-_ALTERNATIONS = 3
-RMS_OVER_MEDIAN = 1.48
-"""Of distances whose errors are normal."""
-_FITS = 1.5
-_FITS_PX = 12.0
-
 ROTATION, SHIFT, CLOCK = slice(0, 3), slice(3, 6), 6
-"""Where they are in the seven parameters of a change."""
+"""Positions of the parameters of a change."""
+N_CHANGES = 7
+"""Number of parameters of a change: three of rotation, three of displacement, one of the clock."""
+
+_ALL_PARAMETERS = np.arange(N_CHANGES)
+"""Positions of the parameters of any change."""
+_ROTATION_AND_CLOCK = np.delete(_ALL_PARAMETERS, SHIFT)
+"""Positions of the parameters of a change without a displacement."""
+
+_MAX_POINTS = 900
+"""Pairs of keypoints of one camera, count; of more, a regular part is compared that represents all.
+Cost alone."""
+_ITERATIONS = 6
+"""Gauss-Newton steps of one fit at most; bounds the cost of a fit that does not converge."""
+_CONVERGED = np.repeat([1e-4, 1e-3, 1e-4], [3, 3, 1])
+"""Step (rad, m, s) below which a fit has converged; far below the thresholds of an alarm."""
+_ALTERNATIONS = 3
+"""Passes over the cameras that have changed, each refitted with the others corrected."""
+_MIN_NORMAL_SQUARED = 1e-18
+"""Squared gradient of an epipolar constraint; keeps points at an epipole from dividing by zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
-    """The change of one camera that fits best.
+class ChangeFit:
+    """The best fitting change of one camera.
 
     Attributes
     ----------
     change : (7,) ndarray
         Rotation vector in the optical frame (rad), displacement of the centre in the optical frame
-        (m), and what is to be added to the time offset (s); zero where nothing is gained.
+        (m), and correction of the time offset (s); zero where nothing is gained.
     information : (7, 7) ndarray
-        Inverse covariance; zero for parameters that were held.
+        Inverse covariance; zero for parameters that were not estimated.
     before_px, after_px : float
         Median epipolar distance to the other cameras without and with the change; NaN without
         points.
     gain : float
-        Log-likelihood that the change gains, at least 0.
+        Log-likelihood gained by the change, at least 0.
     n_points : int
+        Number of compared pairs of keypoints.
     """
 
     change: Float64Array
@@ -70,145 +81,150 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Finding:
-    """What one span of time says about one camera.
+    """Result of one span for one camera.
 
     Attributes
     ----------
-    fit : Fit
-        With all cameras corrected that gain more.
-    promised_px : float
-        Epipolar distance to the others that the calibration promises, root mean square.
+    fit : ChangeFit
+        Fit with all cameras corrected that gain more.
+    expected_px : float
+        Epipolar distance to the others when the calibration was made, root mean square.
     depth_m : float
-        Usual distance of the people; NaN if nobody was seen.
-    moments, expected, matched, blind : int
-        As in `SpanObservations`; `moments` is their number.
+        Median distance of the people; NaN if nobody was observed.
+    n_steps : int
+        Number of time steps of the span.
+    expected, matched, missed : int
+        Numbers of time steps, as in `SpanObservations`.
     rivals : tuple of str
         Other cameras whose change alone would explain about as much as this one's.
     """
 
-    fit: Fit
-    promised_px: float
+    fit: ChangeFit
+    expected_px: float
     depth_m: float
-    moments: int
+    n_steps: int
     expected: int
     matched: int
-    blind: int
+    missed: int
     rivals: tuple[str, ...] = ()
 
 
-def detect_changes(sightings: SpanObservations, promised_px: Float64Array) -> tuple[Finding, ...]:
+def detect_changes(obs: SpanObservations, expected_px: Float64Array) -> tuple[Finding, ...]:
     """Fit a change of every camera, those that gain most first.
 
     Parameters
     ----------
-    sightings : Sightings
-    promised_px : (C, C) ndarray
-        Root mean square epipolar distance of every two cameras that the calibration promises.
+    obs : SpanObservations
+    expected_px : (C, C) ndarray
+        Epipolar distance of every two cameras when the calibration was made, root mean square.
     """
-    C = len(sightings.names)
-    noise = np.maximum(promised_px, _NOISE_FLOOR_PX)
-    fits, alike = _attributed(_believable(sightings, noise), noise)
+    noise = np.maximum(expected_px, MIN_NOISE_PX)
+    fits, rivals = _attribute(_without_implausible(obs, noise), noise)
     return tuple(
         Finding(
-            fits[c],
-            float(np.median(np.delete(noise[c], c))),
-            float(sightings.depth_m[c]),
-            sightings.x.shape[2],
-            int(sightings.expected[c]),
-            int(sightings.matched[c]),
-            int(sightings.blind[c]),
-            tuple(sightings.names[j] for j in sorted(alike[c])),
+            fit=fits[c],
+            expected_px=float(np.median(np.delete(noise[c], c))),
+            depth_m=float(obs.depth_m[c]),
+            n_steps=obs.x.shape[2],
+            expected=int(obs.expected[c]),
+            matched=int(obs.matched[c]),
+            missed=int(obs.missed[c]),
+            rivals=tuple(obs.names[j] for j in sorted(rivals[c])),
         )
-        for c in range(C)
+        for c in range(len(obs.names))
     )
 
 
-def _attributed(s: SpanObservations, noise: Float64Array) -> tuple[list[Fit], list[set[int]]]:
-    """Fits of all cameras, and for each those that explain the same as well."""
-    C = len(s.names)
-    fits = [best_fit(s, c, noise[c]) for c in range(C)]
+def _attribute(
+    obs: SpanObservations, noise: Float64Array
+) -> tuple[list[ChangeFit], list[set[int]]]:
+    """Fit all cameras; return the fits, and for each camera those that explain it as well."""
+    C = len(obs.names)
+    fits = [best_fit(obs, c, noise[c]) for c in range(C)]
     changes: dict[int, Float64Array] = {}
-    alike: list[set[int]] = [set() for _ in range(C)]
+    rivals: list[set[int]] = [set() for _ in range(C)]
     left = set(range(C))
     for _ in range(C // 2):
         worst = max(sorted(left), key=lambda c: fits[c].gain, default=-1)
-        if worst < 0 or fits[worst].gain < WORTH_CORRECTING:
+        if worst < 0 or fits[worst].gain < MIN_GAIN_TO_CORRECT:
             break
         left.remove(worst)
         changes[worst] = fits[worst].change
         for c in [*changes] * (_ALTERNATIONS if len(changes) > 1 else 0):
-            fits[c] = best_fit(_corrected(s, changes, but=c), c, noise[c])
+            fits[c] = best_fit(_corrected(obs, changes, but=c), c, noise[c])
             changes[c] = fits[c].change
-        given = _corrected(s, changes)
+        corrected = _corrected(obs, changes)
         for c in sorted(left):
-            fit, close = best_fit(given, c, noise[c]), fits[c].gain >= _RIVAL * fits[worst].gain
-            if close and (fit.gain < WORTH_CORRECTING or C == 2):
-                alike[c].add(worst)
-                alike[worst].add(c)
+            fit = best_fit(corrected, c, noise[c])
+            close = fits[c].gain >= RIVAL_GAIN_RATIO * fits[worst].gain
+            if close and (fit.gain < MIN_GAIN_TO_CORRECT or C == 2):
+                rivals[c].add(worst)
+                rivals[worst].add(c)
                 left.remove(c)
             else:
                 fits[c] = fit
-    return fits, alike
+    return fits, rivals
 
 
-def _believable(s: SpanObservations, noise: Float64Array) -> SpanObservations:
-    """The same without tentative persons whom no change of their camera makes fit."""
-    x = s.x.copy()
-    for c in np.flatnonzero(s.tentative).tolist():
-        if not explains(best_fit(s, c, noise[c]), float(np.median(np.delete(noise[c], c)))):
+def _without_implausible(obs: SpanObservations, noise: Float64Array) -> SpanObservations:
+    """Remove tentative persons that no change of their camera makes fit."""
+    x = obs.x.copy()
+    for c in np.flatnonzero(obs.tentative).tolist():
+        if not explains(best_fit(obs, c, noise[c]), float(np.median(np.delete(noise[c], c)))):
             x[c] = np.nan
-    return replace(s, x=x)
+    return replace(obs, x=x)
 
 
-def explains(fit: Fit, promised_px: float) -> bool:
-    """Whether what a fit leaves is what the calibration promises, or not much more."""
-    return fit.after_px <= max(_FITS * promised_px, _FITS_PX)
+def explains(fit: ChangeFit, expected_px: float) -> bool:
+    """Whether the residual that a change leaves is about that of the calibration."""
+    return fit.after_px <= max(MAX_FIT_RATIO * expected_px, MAX_FIT_PX)
 
 
 def _corrected(
-    s: SpanObservations, changes: Mapping[int, Float64Array], *, but: int = -1
+    obs: SpanObservations, changes: Mapping[int, Float64Array], *, but: int = -1
 ) -> SpanObservations:
-    """The same as if the changes of cameras, but of one, had been known."""
-    R, t, x = s.rig.R_ref_cam.copy(), s.rig.t_ref_cam.copy(), s.x.copy()
+    """Apply the changes of cameras, except of one, to rig and observations."""
+    R, t, x = obs.rig.R_ref_cam.copy(), obs.rig.t_ref_cam.copy(), obs.x.copy()
     for c, change in changes.items():
         if c != but:
             t[c] = t[c] + R[c] @ change[SHIFT]
             R[c] = R[c] @ exp_so3(change[ROTATION])
-            x[c] -= change[CLOCK] * s.v[c]
-    return replace(s, rig=replace(s.rig, R_ref_cam=R, t_ref_cam=t), x=x)
+            x[c] -= change[CLOCK] * obs.v[c]
+    return replace(obs, rig=replace(obs.rig, R_ref_cam=R, t_ref_cam=t), x=x)
 
 
-def best_fit(sightings: SpanObservations, c: int, noise_px: Float64Array) -> Fit:
-    """A turn and a jump of the clock; a displacement, too, where that explains clearly more."""
-    points = _Points.of(sightings, c, noise_px)
-    turned = fit_change(points, _TURN_AND_CLOCK)
-    promise_holds = RMS_OVER_MEDIAN * turned.before_px <= float(np.median(noise_px))
-    if turned.n_points < _MIN_POINTS or promise_holds:
+def best_fit(obs: SpanObservations, c: int, noise_px: Float64Array) -> ChangeFit:
+    """Fit a rotation and a clock jump; a displacement, too, where that explains clearly more."""
+    points = _PointPairs.of(obs, c, noise_px)
+    turned = fit_change(points, _ROTATION_AND_CLOCK)
+    as_calibrated = RMS_OVER_MEDIAN * turned.before_px <= float(np.median(noise_px))
+    if turned.n_points < MIN_POINTS or as_calibrated:
         return turned
-    moved = fit_change(points, _EVERYTHING)
-    return moved if moved.gain > 1.15 * turned.gain + _WORTH_A_SHIFT else turned
+    moved = fit_change(points, _ALL_PARAMETERS)
+    needed = MIN_SHIFT_GAIN_RATIO * turned.gain + MIN_SHIFT_GAIN
+    return moved if moved.gain > needed else turned
 
 
-def fit_change(points: _Points, parameters: IntArray) -> Fit:
-    """Fit those of the seven parameters that are named; the others are held at 0."""
-    zero, none = np.zeros(7), np.zeros((7, 7))
+def fit_change(points: _PointPairs, parameters: IntArray) -> ChangeFit:
+    """Estimate some of the seven parameters by robust Gauss-Newton; the others are held at 0."""
+    zero, none = np.zeros(N_CHANGES), np.zeros((N_CHANGES, N_CHANGES))
     M, n = len(points.x), points.n
-    if M < _MIN_POINTS:
-        return Fit(zero, none, np.nan, np.nan, 0.0, M)
-    independent = n / M / _CORRELATED
+    if M < MIN_POINTS:
+        return ChangeFit(zero, none, np.nan, np.nan, 0.0, M)
+    independent = n / M / CORRELATED_POINTS
     free = np.ix_(parameters, parameters)
     change, (start, J) = zero, points.residuals(zero)
     r = start
     for _ in range(_ITERATIONS):
-        scale = np.maximum(points.noise, 1.5 * RMS_OVER_MEDIAN * np.median(np.abs(r)))
+        scale = np.maximum(points.noise, NOISE_MARGIN * RMS_OVER_MEDIAN * np.median(np.abs(r)))
         w = independent / (scale**2 + r**2)
-        A = (J.T * w) @ J + np.diag(_PRIOR**-2.0)
-        g = (J.T * w) @ r + change / _PRIOR**2
-        step = np.zeros(7)
+        A = (J.T * w) @ J + np.diag(PRIOR_STDDEV**-2.0)
+        g = (J.T * w) @ r + change / PRIOR_STDDEV**2
+        step = np.zeros(N_CHANGES)
         step[parameters] = -np.linalg.solve(A[free], g[parameters])
         change = change + step
         r, J = points.residuals(change)
-        if np.abs(step / _SETTLED).max() < 1.0:
+        if np.abs(step / _CONVERGED).max() < 1.0:
             break
     gain = np.log1p((start / points.noise) ** 2) - np.log1p((r / points.noise) ** 2)
     total = 0.5 * independent * float(gain.sum())
@@ -217,67 +233,58 @@ def fit_change(points: _Points, parameters: IntArray) -> Fit:
         change, total, after = zero, 0.0, before
     information = none.copy()
     information[free] = ((J.T * independent / (points.noise**2 + r**2)) @ J)[free]
-    return Fit(change, information, before, after, total, n)
-
-
-_TURN_AND_CLOCK = np.array([0, 1, 2, 6])
-_EVERYTHING = np.arange(7)
-_SETTLED = np.repeat([1e-4, 1e-3, 1e-4], [3, 3, 1])
+    return ChangeFit(change, information, before, after, total, n)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Points:
-    """Key points of one camera beside those of the same joints in the others, in its frame."""
+class _PointPairs:
+    """Keypoints of one camera, each with that of the same joint in another camera."""
 
-    x: Float64Array  # (M, 3)
-    v: Float64Array  # (M, 3)
-    y: Float64Array  # (M, 3) direction of the other camera's ray
-    t: Float64Array  # (M, 3) centre of the other camera
-    x_other: Float64Array  # (M, 3)
-    R: Float64Array  # (M, 3, 3) optical frame of the other to that of this camera
-    focal: Float64Array  # (M,)
-    noise: Float64Array  # (M,)
-    n: int  # for which the M stand
+    x: Float64Array  # (M, 3) on the plane z = 1
+    v: Float64Array  # (M, 3) its time derivative, per second
+    y: Float64Array  # (M, 3) direction of the other camera's ray, in the frame of this camera
+    t: Float64Array  # (M, 3) centre of the other camera, in the frame of this camera
+    R: Float64Array  # (M, 3, 3) R_cam_other
+    focal: Float64Array  # (M,) px
+    noise: Float64Array  # (M,) px
+    n: int  # number of pairs that the M represent
 
     @staticmethod
-    def of(s: SpanObservations, c: int, noise_px: Float64Array) -> _Points:
-        others = [j for j in range(len(s.names)) if j != c]
-        parts = [_pair(s, c, j, float(noise_px[j])) for j in others]
+    def of(obs: SpanObservations, c: int, noise_px: Float64Array) -> _PointPairs:
+        """Pair the keypoints of camera c with those of all others."""
+        others = [j for j in range(len(obs.names)) if j != c]
+        parts = [_pair(obs, c, j, float(noise_px[j])) for j in others]
         n = sum(len(part[0]) for part in parts)
         stride = max(1, -(-n // _MAX_POINTS))
-        x, v, y, t, other, R, focal, noise = (
+        x, v, y, t, R, focal, noise = (
             np.concatenate(column)[::stride] for column in zip(*parts, strict=True)
         )
-        return _Points(x, v, y, t, other, R, focal, noise, n)
+        return _PointPairs(x=x, v=v, y=y, t=t, R=R, focal=focal, noise=noise, n=n)
 
     def residuals(self, change: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """Signed Sampson distances (M,), px, and their derivatives (M, 7)."""
+        """Return signed Sampson distances (M,), px, and their derivatives (M, 7).
+
+        The scale of the Sampson distance is held in the derivative: exact where the residual is 0.
+        """
         x = (self.x - change[CLOCK] * self.v) @ exp_so3(change[ROTATION]).T
         v = self.v @ exp_so3(change[ROTATION]).T
         t = self.t - change[SHIFT]
         n = np.cross(t, self.y)
         line = np.einsum("mba,mb->ma", self.R, np.cross(x, t))
         scale = self.focal / np.sqrt(
-            np.maximum((n[:, :2] ** 2).sum(-1) + (line[:, :2] ** 2).sum(-1), 1e-18)
+            np.maximum((n[:, :2] ** 2).sum(-1) + (line[:, :2] ** 2).sum(-1), _MIN_NORMAL_SQUARED)
         )
         J = np.column_stack([np.cross(x, n), np.cross(x, self.y), -(v * n).sum(-1)])
         return (x * n).sum(-1) * scale, J * scale[:, None]
 
 
-def _pair(s: SpanObservations, c: int, j: int, noise_px: float) -> tuple[Float64Array, ...]:
-    both = np.isfinite(s.x[c, ..., 0] + s.x[j, ..., 0] + s.v[c, ..., 0])
-    x, v, other = s.x[c][both], s.v[c][both], s.x[j][both]
-    R = s.rig.R_ref_cam[c].T @ s.rig.R_ref_cam[j]
-    t = s.rig.R_ref_cam[c].T @ (s.rig.t_ref_cam[j] - s.rig.t_ref_cam[c])
+def _pair(obs: SpanObservations, c: int, j: int, noise_px: float) -> tuple[Float64Array, ...]:
+    """Return the arrays of `_PointPairs` for the keypoints that cameras c and j have in common."""
+    both = np.isfinite(obs.x[c, ..., 0] + obs.x[j, ..., 0] + obs.v[c, ..., 0])
+    x, v, other = obs.x[c][both], obs.v[c][both], obs.x[j][both]
+    R = obs.rig.R_ref_cam[c].T @ obs.rig.R_ref_cam[j]
+    t = obs.rig.R_ref_cam[c].T @ (obs.rig.t_ref_cam[j] - obs.rig.t_ref_cam[c])
     M = len(x)
-    focal = np.sqrt(s.focal[c][both] * s.focal[j][both])
-    return (
-        x,
-        v,
-        other @ R.T,
-        np.tile(t, (M, 1)),
-        other,
-        np.tile(R, (M, 1, 1)),
-        focal,
-        np.full(M, noise_px),
-    )
+    focal = np.sqrt(obs.focal[c][both] * obs.focal[j][both])
+    y, centres, rotations = other @ R.T, np.tile(t, (M, 1)), np.tile(R, (M, 1, 1))
+    return x, v, y, centres, rotations, focal, np.full(M, noise_px)

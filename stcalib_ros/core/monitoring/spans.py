@@ -1,4 +1,4 @@
-"""A few seconds of images, held to a calibration."""
+"""Check of a calibration against a few seconds of observations."""
 
 from __future__ import annotations
 
@@ -13,40 +13,39 @@ from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.monitoring.change_detection import (
     CLOCK,
+    N_CHANGES,
     ROTATION,
     SHIFT,
-    WORTH_CORRECTING,
+    ChangeFit,
     Finding,
-    Fit,
     detect_changes,
 )
+from stcalib_ros.core.monitoring.limits import MIN_GAIN_TO_CORRECT, MIN_KEPT_FRACTION
 from stcalib_ros.core.monitoring.matching import SpanObservations, associate_span
 
-SPAN_S = 2.0
-"""Length of a span of time that is looked at as one."""
 _REFINEMENTS = 2
-_KEPT = 0.8
-"""A refinement must not lose more of the points that are compared."""
+"""Further passes with the changes applied; two measure turns of 10 degrees and jumps of 0.15 s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Span:
-    """What one span of time says.
+    """Findings of one span of time.
 
     Attributes
     ----------
     start_s, end_s : float
-        By the reference clock, seconds since the Unix epoch.
+        Limits of the span, reference clock, seconds since the Unix epoch.
     findings : mapping of str to Finding
-        By camera; of those that had images.
-    away_s : mapping of str to float
-        Of cameras whose images do arrive, but with stamps so far ahead of those of the others.
+        Finding of every camera with images.
+    lead_s : mapping of str to float
+        How far the stamps of cameras are ahead of those of the others, for cameras whose images
+        arrive, but with stamps far from the span.
     """
 
     start_s: float
     end_s: float
     findings: Mapping[str, Finding]
-    away_s: Mapping[str, float] = field(default_factory=dict)
+    lead_s: Mapping[str, float] = field(default_factory=dict)
 
 
 def check_span(
@@ -56,20 +55,20 @@ def check_span(
     start_s: float,
     end_s: float,
     min_score: float,
-    away_s: Mapping[str, float] | None = None,
+    lead_s: Mapping[str, float] | None = None,
 ) -> Span:
-    """Hold the images of a span of time to a calibration.
+    """Check a calibration against the observations of a span of time.
 
     Parameters
     ----------
     recording : Recording
-        The images of that span.
+        Observations of that span.
     calibration : Calibration
     start_s, end_s : float
-        Of the span, reference clock, seconds since the Unix epoch.
+        Limits of the span, reference clock, seconds since the Unix epoch.
     min_score : float
         Joints with a lower score are not used.
-    away_s : mapping of str to float, optional
+    lead_s : mapping of str to float, optional
         See `Span`.
 
     Raises
@@ -78,21 +77,24 @@ def check_span(
         The layouts of the cameras have too little in common.
     """
     findings: dict[str, Finding] = {}
-    if (seen := associate_span(recording, calibration, min_score=min_score)) is not None:
-        findings = _explained(seen, calibration)
+    if (obs := associate_span(recording, calibration, min_score=min_score)) is not None:
+        findings = _findings(obs, calibration)
         for _ in range(_REFINEMENTS):
             changes = _worth_correcting(findings)
             if not changes:
                 break
-            better = with_changes(calibration, changes, seen.metres_per_unit)
+            better = with_changes(calibration, changes, obs.metres_per_unit)
             again = associate_span(recording, better, min_score=min_score)
-            if again is None or not _refine(findings, _explained(again, calibration), changes):
+            if again is None or not _refine(findings, _findings(again, calibration), changes):
                 break
-    return Span(start_s, end_s, findings, dict(away_s or {}))
+    return Span(start_s, end_s, findings, dict(lead_s or {}))
 
 
 def expected_residual_px(calibration: Calibration, names: Sequence[str]) -> Float64Array:
-    """Epipolar distance (C, C), px rms, of every two cameras; of all where a pair has none."""
+    """Return the calibration's epipolar distance (C, C) of every two cameras, px, RMS.
+
+    Pairs without one have the reprojection error of the whole calibration.
+    """
     index = {name: i for i, name in enumerate(names)}
     usual = calibration.reprojection_rms_px
     out = np.full((len(names), len(names)), usual if np.isfinite(usual) else 0.0)
@@ -106,7 +108,7 @@ def expected_residual_px(calibration: Calibration, names: Sequence[str]) -> Floa
 def with_changes(
     calibration: Calibration, changes: Mapping[str, Float64Array], metres_per_unit: float
 ) -> Calibration:
-    """The calibration as it would be after changes (7,) of cameras, as `Fit.change` has them."""
+    """Apply changes (7,) of cameras, see `ChangeFit.change`, to a calibration."""
 
     def after(camera: CameraCalibration) -> CameraCalibration:
         change = changes.get(camera.name)
@@ -123,17 +125,17 @@ def with_changes(
     return replace(calibration, cameras=tuple(after(camera) for camera in calibration.cameras))
 
 
-def _explained(seen: SpanObservations, calibration: Calibration) -> dict[str, Finding]:
-    found = detect_changes(seen, expected_residual_px(calibration, seen.names))
-    return dict(zip(seen.names, found, strict=True))
+def _findings(obs: SpanObservations, calibration: Calibration) -> dict[str, Finding]:
+    found = detect_changes(obs, expected_residual_px(calibration, obs.names))
+    return dict(zip(obs.names, found, strict=True))
 
 
 def _worth_correcting(findings: Mapping[str, Finding]) -> dict[str, Float64Array]:
-    """Changes that gain much, of suspects the one that gains most."""
+    """Return the changes with a large gain, of rivals the one that gains most."""
     return {
         name: f.fit.change
         for name, f in findings.items()
-        if f.fit.gain >= WORTH_CORRECTING
+        if f.fit.gain >= MIN_GAIN_TO_CORRECT
         and all(f.fit.gain >= findings[rival].fit.gain for rival in f.rivals)
     }
 
@@ -143,23 +145,23 @@ def _refine(
     again: Mapping[str, Finding],
     changes: Mapping[str, Float64Array],
 ) -> bool:
-    """Add to changes, in place, what is left of them where they are known already.
+    """Add to the changes in `findings` what a pass with these changes applied has found.
 
-    The clock is read off between images again, and persons are found again. Returns whether
-    anything fits better by that.
+    That pass interpolates at the corrected times and associates persons anew. Return whether any
+    residual has become smaller.
     """
     refined = False
     for name in changes:
         first, rest = findings[name].fit, again[name].fit
-        if rest.n_points >= _KEPT * first.n_points and rest.after_px < first.after_px:
+        if rest.n_points >= MIN_KEPT_FRACTION * first.n_points and rest.after_px < first.after_px:
             findings[name] = replace(findings[name], fit=_composed(first, rest))
             refined = True
     return refined
 
 
-def _composed(first: Fit, rest: Fit) -> Fit:
+def _composed(first: ChangeFit, rest: ChangeFit) -> ChangeFit:
     R = exp_so3(first.change[ROTATION])
-    change = np.zeros(7)
+    change = np.zeros(N_CHANGES)
     change[ROTATION] = log_so3(R @ exp_so3(rest.change[ROTATION]))
     change[SHIFT] = first.change[SHIFT] + R @ rest.change[SHIFT]
     change[CLOCK] = first.change[CLOCK] + rest.change[CLOCK]

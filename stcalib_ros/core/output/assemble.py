@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.bundle.covariance import PARAMETERS
+from stcalib_ros.core.bundle.covariance import OFFSET_ROW, PARAMETERS, POSE_ROWS, rows_of
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.residuals import errors_px
-from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.calibration import (
     Calibration,
     CameraCalibration,
@@ -58,19 +58,13 @@ def make_calibration(
     world_frame : str
         Name of the frame of a result with z up.
     """
-    rig, o = last.rig, last.observations
+    rig, obs = last.rig, last.observations
     order = np.argsort(rig.cameras, kind="stable")
-    covariance = placement.covariance_of(rig, covariance)
-    rows = np.add.outer(7 * order, range(7)).ravel()
-    covariance = covariance[np.ix_(rows, rows)]
-    clocks = [_clock(last, int(c)) for c in order]
-    offsets = range(6, len(covariance), 7)
-    covariance[offsets, offsets] += [clock.added_variance for clock in clocks]
-    errors = errors_px(o, last.state)
-    inliers = errors[last.state.used & np.isfinite(errors)]
+    covariance = _published(placement.covariance_of(rig, covariance), order, last)
+    errors = errors_px(obs, last.state)
+    inliers = errors[last.state.inlier & np.isfinite(errors)]
     names = [recording.cameras[c].name for c in rig.cameras[order]]
     epoch = recording.epoch_ns * 1e-9
-    window = _window(cameras, last)
     return Calibration(
         status=judgement.status,
         message=_summary(judgement, uncalibrated, calibrated=len(names)),
@@ -79,16 +73,13 @@ def make_calibration(
         reference=recording.cameras[rig.cameras[0]].name,
         metric=placement.metric,
         epoch_s=epoch,
-        window_s=(epoch + window[0], epoch + window[1]),
-        cameras=tuple(
-            _camera(recording, last, int(c), placement, covariance[block, block], clock)
-            for c, block, clock in zip(order, _blocks(len(order)), clocks, strict=True)
-        ),
+        window_s=_window(cameras, last, epoch),
+        cameras=_cameras(recording, last, order, placement, covariance),
         uncalibrated=tuple(uncalibrated),
         persons=tuple(person for _, person in found_persons(cameras, last)),
         pairs=pair_residuals(cameras, skeleton, last),
         reprojection_rms_px=float(np.sqrt((inliers**2).mean())),
-        n_observations=int(o.seen.sum()),
+        n_observations=int(obs.observed.sum()),
         n_inliers=len(inliers),
         frame_id="" if placement.upright is None else world_frame,
         scale_stddev=placement.scale_stddev,
@@ -97,15 +88,41 @@ def make_calibration(
     )
 
 
+def _published(covariance: Float64Array, order: IntArray, last: Iteration) -> Float64Array:
+    """Order the covariance (7 C, 7 C) by camera; time offsets are those at the epoch."""
+    rows = rows_of(order).ravel()
+    covariance = covariance[np.ix_(rows, rows)]
+    offsets = rows_of(np.arange(len(order)))[:, OFFSET_ROW]
+    covariance[offsets, offsets] += [_clock(last, int(c)).added_variance for c in order]
+    return covariance
+
+
+def _cameras(
+    recording: Recording,
+    last: Iteration,
+    order: IntArray,
+    placement: WorldAlignment,
+    covariance: Float64Array,
+) -> tuple[CameraCalibration, ...]:
+    """Return the cameras in the order of the recording, with their own blocks of the covariance."""
+    return tuple(
+        _camera(recording, last, int(c), placement, covariance[block, block], _clock(last, int(c)))
+        for c, block in zip(order, _blocks(len(order)), strict=True)
+    )
+
+
 def _blocks(n: int) -> list[slice]:
     return [slice(len(PARAMETERS) * i, len(PARAMETERS) * (i + 1)) for i in range(n)]
 
 
-def _window(cameras: Sequence[LiftedCamera], last: Iteration) -> tuple[float, float]:
+def _window(
+    cameras: Sequence[LiftedCamera], last: Iteration, epoch_s: float
+) -> tuple[float, float]:
+    """First and last image, seconds by the reference clock."""
     rig = last.rig
     begin = [cameras[c].stamps[0] + d for c, d in zip(rig.cameras, rig.offset_s, strict=True)]
     end = [cameras[c].stamps[-1] + d for c, d in zip(rig.cameras, rig.offset_s, strict=True)]
-    return float(min(begin)), float(max(end))
+    return epoch_s + float(min(begin)), epoch_s + float(max(end))
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,9 +136,9 @@ class _Clock:
 
 
 def _clock(last: Iteration, i: int) -> _Clock:
-    offset, rates = float(last.rig.offset_s[i]), last.clocks
-    if last.lines is not None:
-        offset += float(last.lines.first_row_s[i])
+    offset, rates = float(last.rig.offset_s[i]), last.clock_skews
+    if last.line_delays is not None:
+        offset += float(last.line_delays.first_row_s[i])
     if rates is None:
         return _Clock(offset)
     skew, stddev = float(rates.skew[i]), float(rates.stddev[i])
@@ -138,16 +155,16 @@ def _camera(
     block: Float64Array,
     clock: _Clock,
 ) -> CameraCalibration:
-    camera, lines = recording.cameras[last.rig.cameras[i]], last.lines
+    camera, lines = recording.cameras[last.rig.cameras[i]], last.line_delays
     return CameraCalibration(
         name=camera.name,
         frame_id=camera.frame_id,
         intrinsics=camera.intrinsics,
         R_ref_cam=placement.R @ last.rig.R_ref_cam[i],
         t_ref_cam=placement.to_result(last.rig.t_ref_cam[i]),
-        covariance=block[:6, :6],
+        covariance=block[POSE_ROWS, POSE_ROWS],
         time_offset_s=clock.offset_s,
-        time_offset_stddev_s=float(np.sqrt(max(block[6, 6], 0.0))),
+        time_offset_stddev_s=float(np.sqrt(max(block[OFFSET_ROW, OFFSET_ROW], 0.0))),
         clock_skew=clock.skew,
         clock_skew_stddev=clock.stddev,
         line_time_s=camera.line_time_s if lines is None else float(lines.line_s[i]),

@@ -8,7 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
+from stcalib_ros.core.bundle.covariance import (
+    CENTRE_ROWS,
+    PARAMETERS,
+    ROTATION_ROWS,
+    with_known_distance,
+)
+from stcalib_ros.core.bundle.gauge import spread
 from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.limits import MIN_UNIT_BASELINE
+from stcalib_ros.core.bundle.scaled_system import propagate
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
@@ -71,7 +80,8 @@ class WorldAlignment:
         """Return the joint covariance (7 C, 7 C) in the frame and unit of the result.
 
         The uncertainty of the vertical and of the floor moves all cameras together, the reference
-        camera included. The unit counts as known.
+        camera included. The unit counts as known, and so does the distance between the
+        first two cameras.
 
         Parameters
         ----------
@@ -81,7 +91,9 @@ class WorldAlignment:
         """
         C = len(rig.cameras)
         G = block_diag(*[self.unit * self.R, self.R, np.eye(1)] * C)
-        moved = G @ covariance @ G.T
+        first, second = first_two(rig)
+        known = with_known_distance(covariance, rig.t_ref_cam, first, second)
+        moved = propagate(G, known)
         if self.upright is None:
             return np.asarray(moved)
         J = np.concatenate([self._common_motion(t) for t in rig.t_ref_cam])
@@ -92,10 +104,10 @@ class WorldAlignment:
         heading = self.R @ heading_axis(self.R)
         # The reference camera keeps its heading along x: tilt about x turns about z, too.
         turn = np.array([[1.0, 0.0], [0.0, 1.0], [heading[2] / heading[0], 0.0]])
-        J = np.zeros((7, 3))
-        J[:3, :2] = -self.unit * hat(self.R @ t_ref_cam) @ turn
-        J[2, 2] = self.unit
-        J[3:6, :2] = turn
+        J = np.zeros((len(PARAMETERS), 3))
+        J[CENTRE_ROWS, :2] = -self.unit * hat(self.R @ t_ref_cam) @ turn
+        J[CENTRE_ROWS.start + 2, 2] = self.unit
+        J[ROTATION_ROWS, :2] = turn
         return J
 
 
@@ -138,9 +150,20 @@ def place(
 
 
 def baseline_unit(rig: Rig) -> float:
-    """Return the factor that makes the distance between the first two cameras 1."""
-    first, second = np.argsort(rig.cameras, kind="stable")[:2]
-    return 1.0 / float(np.linalg.norm(rig.t_ref_cam[second] - rig.t_ref_cam[first]))
+    """Return the factor that makes the distance between the first two cameras 1.
+
+    Where they are practically at one place: the spread of all cameras.
+    """
+    first, second = first_two(rig)
+    length = float(np.linalg.norm(rig.t_ref_cam[second] - rig.t_ref_cam[first]))
+    all_of_them = spread(rig.t_ref_cam)
+    return 1.0 / (length if length >= MIN_UNIT_BASELINE * all_of_them else all_of_them)
+
+
+def first_two(rig: Rig) -> tuple[int, int]:
+    """Return the positions in the rig of its first two cameras in the order of the recording."""
+    first, second = np.argsort(rig.cameras, kind="stable")[:2].tolist()
+    return first, second
 
 
 def _scale(

@@ -4,6 +4,6 @@ Two-view registration (Section III): `oriented` (oriented points of windows of T
 (von Mises-Fisher distributions), `em` (responsibilities, mixing proportions, rotation),
 `matching` (bipartite matching), `registration` (offsets by brute force, RANSAC), `translation`
 (epipolar constraint). Multi-view (Section IV): `posegraph`, `merge` (spanning tree), `stba`.
-`stages` strings them together, `pairs` is the protocol of the paper's pairwise experiments for
-either method, and `judge` holds every stage against the truth.
+`stages` calls them in order for the pipeline. The protocol of the paper's pairwise experiments is
+in `benchmarks.paper`, the errors of every stage in `stcalib_ros.core.evaluation.stage_errors`.
 """

@@ -20,14 +20,16 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.paper.vmf import VonMisesFisher, log_normaliser
 
 _MAX_ITERATIONS = 40
+"""Iterations of expectation-maximization at most; the best start of several is taken anyway."""
 _CONVERGED = 1e-6
-_LEAST_PI = 1e-12
-"""Keeps a person in the mixture whom nobody resembles at a poor first rotation."""
+"""Largest change of an entry of the rotation below which the iteration ends, about 1e-6 rad."""
+_MIN_PI = 1e-12
+"""Mixing proportion. Keeps persons in the mixture that match nobody at a poor first rotation."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What the log-likelihood needs of W windows with P target and Q source persons, L offsets.
+    """Sufficient statistics of W windows with P target and Q source persons at L offsets.
 
     Attributes
     ----------
@@ -36,9 +38,9 @@ class Evidence:
     log_c : (L, W, P, Q) ndarray
         ``sum log C(kappa)``.
     frames : (W, P) ndarray
-        Frames in which the target person is seen: the power of his mixing proportion.
+        Frames in which the target person is observed: the power of their mixing proportion.
     present : (L, W, P, Q) ndarray of bool
-        Where both persons are seen.
+        Where both persons are observed.
     """
 
     B: Float64Array
@@ -47,7 +49,7 @@ class Evidence:
     present: BoolArray
 
     def of_sources(self, sources: list[int]) -> Evidence:
-        """The same with these source persons alone."""
+        """Return the statistics of these source persons alone."""
         return Evidence(
             self.B[:, :, :, sources],
             self.log_c[..., sources],
@@ -59,7 +61,7 @@ class Evidence:
 def gather_evidence(
     target: Float64Array, known: Float64Array, source: VonMisesFisher, seen: BoolArray
 ) -> Evidence:
-    """Sufficient statistics of all persons and offsets.
+    """Compute the sufficient statistics of all persons and offsets.
 
     Parameters
     ----------
@@ -68,9 +70,9 @@ def gather_evidence(
     known : (P, W, T, S) ndarray
         1 where they are known.
     source : VonMisesFisher
-        Of shape (Q, L, W, S).
+        Distributions of shape (Q, L, W, S).
     seen : (Q, L, W) ndarray of bool
-        Where the source person is seen.
+        Where the source person is observed.
     """
     P, W, _, S = known.shape
     Q, L = seen.shape[:2]
@@ -86,14 +88,14 @@ def gather_evidence(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mixture:
-    """Where the alternation came to, for L offsets and K starts each.
+    """Result of expectation-maximization for L offsets and K starts each.
 
     Attributes
     ----------
     R : (L, K, 3, 3) ndarray
         ``R_target_source``.
     gamma : (L, K, W, P, Q) ndarray
-        Responsibilities; 0 where a person is not seen.
+        Responsibilities; 0 where a person is not observed.
     log_likelihood : (L, K) ndarray
     """
 
@@ -129,7 +131,7 @@ def maximise(evidence: Evidence, R: Float64Array) -> Mixture:
 def responsibilities(
     evidence: Evidence, R: Float64Array, pi: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """Eq. gamma, by log-sum-exp: the soft association of every target person.
+    """Compute the soft association of every target person (eq. gamma) by log-sum-exp.
 
     Parameters
     ----------
@@ -141,13 +143,13 @@ def responsibilities(
     -------
     gamma : (L, K, W, P, Q) ndarray
     log_likelihood : (L, K) ndarray
-        Of the mixture, summed over target persons and windows.
+        Log-likelihood of the mixture, summed over target persons and windows.
     """
     L, K = R.shape[:2]
     _, W, P, Q = evidence.present.shape
     fit = R.reshape(L, K, 9) @ evidence.B.reshape(L, -1, 9).transpose(0, 2, 1)
     value = fit.reshape(L, K, W, P, Q) + evidence.log_c[:, None]
-    value += evidence.frames[..., None] * np.log(np.maximum(pi, _LEAST_PI))
+    value += evidence.frames[..., None] * np.log(np.maximum(pi, _MIN_PI))
     value = np.where(evidence.present[:, None], value, -np.inf)
     top = value.max(-1, keepdims=True)
     top = np.where(np.isfinite(top), top, 0.0)
@@ -160,6 +162,6 @@ def responsibilities(
 
 
 def mixing_proportions(gamma: Float64Array) -> Float64Array:
-    """Eq. closed_form_pi: share (L, K, W, 1, Q) of the responsibilities of each source person."""
+    """Return the fraction (L, K, W, 1, Q) of responsibilities per source person (eq. pi)."""
     mass = gamma.sum(-2, keepdims=True)
-    return np.asarray(mass / np.maximum(mass.sum(-1, keepdims=True), _LEAST_PI))
+    return np.asarray(mass / np.maximum(mass.sum(-1, keepdims=True), _MIN_PI))

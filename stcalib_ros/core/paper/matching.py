@@ -15,9 +15,9 @@ def mean_angles(
     known_source: Float64Array,
     R: Float64Array,
 ) -> Float64Array:
-    """Angle between oriented points after rotation, mean over frames and joints, rad.
+    """Return the mean angle between oriented points after rotation over frames and joints, rad.
 
-    The paper sums over the frames; the mean compares persons who are seen for different times.
+    The paper sums over the frames; the mean compares persons who are observed for different times.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def mean_angles(
     known_target : (P, W, T, S) ndarray
         1 where they are known, else 0.
     source : (Q, H, W, T, S, 3) ndarray
-        For each of H hypotheses, at its offset.
+        Oriented points at the offset of each of H hypotheses.
     known_source : (Q, H, W, T, S) ndarray
     R : (H, 3, 3) ndarray
         ``R_target_source`` of each hypothesis.
@@ -47,14 +47,14 @@ def mean_angles(
 
 
 def match(angles: Float64Array, no_match_rad: float) -> BoolArray:
-    """Best one-to-one association A of every window, where nobody is matched at a larger angle.
+    """Find the best one-to-one association A of every window within an angle.
 
     Parameters
     ----------
     angles : (W, P, Q) ndarray
         Mean angles, rad; inf where impossible.
     no_match_rad : float
-        What it costs to leave a target person without a match.
+        Cost of a target person without a match.
 
     Returns
     -------

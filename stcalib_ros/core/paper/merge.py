@@ -1,6 +1,6 @@
-"""One association of all cameras out of those of the pairs, along a spanning tree (Section IV).
+"""Association of all cameras from those of the pairs, along a spanning tree (Section IV).
 
-Two cameras are joined by one path of the tree only, so that following the matches from camera to
+Two cameras are connected by one path of the tree only, so that following the matches from camera to
 camera gives every track one person at most: cycles are consistent by construction.
 """
 
@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from stcalib_ros.core.geometry.graphs import spanning_tree
 from stcalib_ros.core.integration.association import Association, Chain
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
-from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.lifted import LiftedCamera, time_span
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.paper.registration import PairRegistration
 
@@ -31,24 +31,24 @@ def merge(
     step_s: float,
     window: int,
 ) -> Association:
-    """Persons of all cameras, slot by slot; a slot reaches from one window to the next.
+    """Associate the persons of all cameras, slot by slot; a slot lasts from one window to the next.
 
     Parameters
     ----------
     cameras : sequence of LiftedCamera
-        All cameras; those of the rig are used.
+        All cameras, of which those of the rig are used.
     rig : Rig
     pairs : sequence of PairRegistration
-        Of the cameras of the rig, on the same windows.
+        Pairs of cameras of the rig, on the same windows.
     start_s, step_s : float
         Time of sample 0 and between samples of the grid of the windows, seconds.
     window : int
-        Samples of a window.
+        Number of samples of a window.
     """
     node = {int(c): i for i, c in enumerate(rig.cameras)}
     starts = pairs[0].starts
     slot_s = step_s * (float(np.diff(starts).mean()) if len(starts) > 1 else float(window))
-    begin, end = _span([cameras[c] for c in rig.cameras], rig)
+    begin, end = time_span([cameras[c] for c in rig.cameras], rig.offset_s)
     middle = start_s + step_s * (float(starts[0]) + window / 2)
     first_s = middle - slot_s * np.ceil((middle - begin) / slot_s - 0.5) - slot_s / 2
     n_slots = int(np.ceil((end - first_s) / slot_s)) + 1
@@ -69,20 +69,17 @@ def merge(
     for s in range(n_slots):
         chain.add(s, _groups(edges, s))
     return Association(
-        tuple(chain.person_of), float(first_s), slot_s, chain.n_persons, float("nan"), {}
+        person_of=tuple(chain.person_of),
+        start_s=float(first_s),
+        slot_s=slot_s,
+        n_persons=chain.n_persons,
+        typical_px=float("nan"),
+        margins={},
     )
 
 
-def _span(members: Sequence[LiftedCamera], rig: Rig) -> tuple[float, float]:
-    stamps = [
-        camera.stamps[[0, -1]] + offset
-        for camera, offset in zip(members, rig.offset_s, strict=True)
-    ]
-    return float(np.min(stamps)), float(np.max(stamps))
-
-
 def _groups(edges: Sequence[_Edge], s: int) -> list[list[tuple[int, int]]]:
-    """Tracks (camera, track) that are one person in slot s."""
+    """Group the tracks (camera, track) that are one person in slot s."""
     group: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for a, b, votes in edges:
         for p, q in _one_to_one(votes[s]):

@@ -33,7 +33,7 @@ class OrientedPoints:
     focal : (P, N, J) ndarray
         Pixels per unit of `x`.
     body : (P, N, 3) ndarray
-        Middle of the body in the optical frame by the monocular pose, metres; NaN where unknown.
+        Mean joint in the optical frame by the monocular pose, metres; NaN where unknown.
     start, step : float
         Time of sample 0 by the clock of the camera, and between samples, seconds.
     """
@@ -50,7 +50,7 @@ class OrientedPoints:
 def oriented_points(
     camera: LiftedCamera, skeleton: Skeleton, *, start: float, step: float, n: int
 ) -> OrientedPoints:
-    """Oriented points at ``start + step * k``; of the skeleton's directions the bones alone."""
+    """Compute oriented points at ``start + step * k``: the directions of the bones alone."""
     grid = sample_camera(camera, skeleton, start=start, step=step, n=n)
     bones = sum(parent >= 0 for parent in skeleton.layout.parents)
     weight = grid.weight[:, :, :bones].astype(np.float64)
@@ -67,19 +67,19 @@ def oriented_points(
 
 
 def spread_windows(n: int, window: int, n_windows: int) -> IntArray:
-    """First samples of at most `n_windows` windows, uniform over n samples, that do not overlap."""
+    """Return the first samples of at most `n_windows` disjoint windows, uniform over n samples."""
     fitting = max(1, min(n_windows, n // window))
     return np.rint(np.linspace(0, max(n - window, 0), fitting)).astype(np.int64)
 
 
 def samples_of(starts: Sequence[int] | IntArray, window: int, lag: IntArray) -> IntArray:
-    """Samples (..., W, T) of windows at lags (...)."""
+    """Return the samples (..., W, T) of windows at lags (...)."""
     inside = np.asarray(starts)[:, None] + np.arange(window)
     return np.asarray(np.asarray(lag)[..., None, None] + inside, dtype=np.int64)
 
 
 def take(values: Float64Array, samples: IntArray) -> Float64Array:
-    """Entries (P, ..., W, T, ...) of (P, N, ...) at samples (..., W, T); zero outside of 0..N-1."""
+    """Return the entries (P, ..., W, T, ...) of (P, N, ...) at samples; zero outside of 0..N-1."""
     n = values.shape[1]
     inside = (samples >= 0) & (samples < n)
     found = values[:, np.clip(samples, 0, n - 1)]

@@ -2,6 +2,10 @@
 
 Minimises ``sum |log(T_ab^-1 T_a^-1 T_b)|^2`` over the poses T_a of the cameras, with T_ab from
 the registration of each pair. Twists are (translation, rotation); poses are changed on the right.
+
+References
+----------
+T. D. Barfoot, *State Estimation for Robotics*, Cambridge University Press, 2017, chapters 7 and 9.
 """
 
 from __future__ import annotations
@@ -15,28 +19,33 @@ from stcalib_ros.core.geometry.se3 import adjoint, exp_se3, inverse, log_se3, ri
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
+from stcalib_ros.core.paper.limits import POSE_STDDEV
 
-_STDDEV = np.repeat([0.3, 0.06], 3)
-"""Metres and rad by which the registration of a pair is off; the same for all pairs."""
+_STDDEV = np.repeat(POSE_STDDEV, 3)
+"""Standard deviations (m, rad) of a twist, see `limits.POSE_STDDEV`."""
 _MAX_ITERATIONS = 30
+"""Gauss-Newton steps at most; pose graphs of a few cameras converge in far fewer."""
 _CONVERGED = 1e-10
+"""Largest entry of a twist (m, rad) below which the iteration has converged, near rounding."""
+_SHORTEST_STEP = 1e-3
+"""Fraction of a Gauss-Newton step at which shortening it ends: nothing is gained along it."""
 
 
 def optimise(
     cameras: Sequence[int], edges: Sequence[RelativePose], *, synchronised: bool = False
 ) -> Rig:
-    """One rig from all pairs, the first camera its reference.
+    """Estimate one rig from all pairs; the first camera is its reference.
 
-    Offsets, which the paper leaves to the pairs, are the least squares of all lags.
+    Time offsets, which the paper leaves to the pairs, are the least squares solution of all lags.
 
     Parameters
     ----------
     cameras : sequence of int
-        Connected by the edges.
+        Cameras connected by the edges.
     edges : sequence of RelativePose
-        One of each pair that could be registered.
+        Relative pose of each pair that could be registered.
     synchronised : bool
-        For the record.
+        Value of `Rig.synchronised`.
     """
     node = {c: i for i, c in enumerate(cameras)}
     a = np.array([node[h.a] for h in edges])
@@ -47,12 +56,12 @@ def optimise(
     T = optimise_poses(a, b, T_a_b, T)
     lags = np.array([h.lag_s for h in edges])
     return Rig(
-        np.array(cameras, dtype=np.int64),
-        T[:, :3, :3],
-        T[:, :3, 3],
-        _offsets(a, b, lags, len(cameras)),
-        float(support.sum()),
-        synchronised,
+        cameras=np.array(cameras, dtype=np.int64),
+        R_ref_cam=T[:, :3, :3],
+        t_ref_cam=T[:, :3, 3],
+        offset_s=_offsets(a, b, lags, len(cameras)),
+        support=float(support.sum()),
+        synchronised=synchronised,
     )
 
 
@@ -65,7 +74,7 @@ def _pose(R: Float64Array, t: Float64Array) -> Float64Array:
 def _along_tree(
     a: IntArray, b: IntArray, T_a_b: Float64Array, support: Float64Array, n: int
 ) -> Float64Array:
-    """Poses (n, 4, 4) chained along the spanning tree of the best supported pairs."""
+    """Chain the poses (n, 4, 4) along the spanning tree of the best supported pairs."""
     T = np.tile(np.eye(4), (n, 1, 1))
     for e, forward in spanning_tree(a, b, np.argsort(-support, kind="stable"), n):
         if forward:
@@ -76,7 +85,7 @@ def _along_tree(
 
 
 def optimise_poses(a: IntArray, b: IntArray, T_a_b: Float64Array, T: Float64Array) -> Float64Array:
-    """Gauss-Newton from the poses T (n, 4, 4); steps that do not help are shortened.
+    """Optimize the poses T (n, 4, 4) by Gauss-Newton with a line search.
 
     Parameters
     ----------
@@ -92,7 +101,7 @@ def optimise_poses(a: IntArray, b: IntArray, T_a_b: Float64Array, T: Float64Arra
     for _ in range(_MAX_ITERATIONS):
         step = _gauss_newton(a, b, T_a_b, T)
         length = 1.0
-        while _cost(a, b, T_a_b, T @ exp_se3(length * step)) > cost and length > 1e-3:
+        while _cost(a, b, T_a_b, T @ exp_se3(length * step)) > cost and length > _SHORTEST_STEP:
             length /= 2.0
         trial = T @ exp_se3(length * step)
         gain = cost - _cost(a, b, T_a_b, trial)
@@ -105,7 +114,7 @@ def optimise_poses(a: IntArray, b: IntArray, T_a_b: Float64Array, T: Float64Arra
 
 
 def _gauss_newton(a: IntArray, b: IntArray, T_a_b: Float64Array, T: Float64Array) -> Float64Array:
-    """Twists (n, 6) of one step; zero for the first pose."""
+    """Return the twists (n, 6) of one step; zero for the first pose."""
     n = len(T)
     r = log_se3(inverse(T_a_b) @ inverse(T[a]) @ T[b])
     J_b = right_jacobian_inverse(r)
@@ -127,7 +136,7 @@ def _cost(a: IntArray, b: IntArray, T_a_b: Float64Array, T: Float64Array) -> flo
 
 
 def _offsets(a: IntArray, b: IntArray, lag_s: Float64Array, n: int) -> Float64Array:
-    """Offsets (n,) with ``offset_a - offset_b = lag`` in least squares, the first one zero."""
+    """Solve ``offset_a - offset_b = lag`` for offsets (n,) in least squares, the first one zero."""
     rows = np.arange(len(lag_s))
     B = np.zeros((len(lag_s), n))
     B[rows, a] += 1.0

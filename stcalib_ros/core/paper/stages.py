@@ -1,4 +1,4 @@
-"""The paper's stages for the pipeline: all pairs (PR), one rig (MI), the adjustment."""
+"""The paper's stages for the pipeline: all pairs (PR), one rig (MI), the bundle adjustment."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ Tick = Callable[[str, float], None]
 def register_pairs(
     views: LiftedViews, cameras: Sequence[int], options: Options, grid: Grid, tick: Tick
 ) -> tuple[PairRegistration, ...]:
-    """Register all pairs of cameras on windows spread over the recording; those that can be."""
-    o = options.vmf
+    """Register all pairs of cameras that can be, on windows spread over the recording."""
+    vmf = options.vmf
     rng = np.random.default_rng(options.seed)
     points = {
         c: oriented_points(
@@ -36,21 +36,21 @@ def register_pairs(
         )
         for c in cameras
     }
-    reach = int(np.ceil(2.0 * options.offset_range_s / grid.step_s)) if o.search_offsets else 0
+    reach = int(np.ceil(2.0 * options.offset_range_s / grid.step_s)) if vmf.search_offsets else 0
     lags = np.arange(-reach, reach + 1)
-    starts = spread_windows(grid.n, o.window, o.n_windows)
+    starts = spread_windows(grid.n, vmf.window, vmf.n_windows)
     pairs = [(a, b) for i, a in enumerate(cameras) for b in cameras[i + 1 :]]
     found = []
     for k, (a, b) in enumerate(pairs):
         tick("pairwise registration", k / len(pairs))
-        found.append(register(a, b, points[a], points[b], starts, lags, o, rng))
+        found.append(register(a, b, points[a], points[b], starts, lags, vmf, rng))
     return tuple(pair for pair in found if pair is not None)
 
 
 def integrate_pairs(
     group: Sequence[int], pairs: Sequence[PairRegistration], options: Options
 ) -> Rig:
-    """The pose graph over all pairs within a group of cameras, the first its reference."""
+    """Optimize the pose graph of a group of cameras; the first is its reference."""
     edges = [pair.hypothesis for pair in _within(pairs, group)]
     return optimise(group, edges, synchronised=options.synchronised)
 
@@ -63,7 +63,7 @@ def adjust_pairs(
     grid: Grid,
     tick: Tick,
 ) -> tuple[Iteration, ...] | Disconnected:
-    """Merge the associations of the pairs of a rig, and adjust until nothing is discarded."""
+    """Merge the associations of the pairs of a rig, and adjust until nothing is rejected."""
     window, members = options.vmf.window, rig.cameras.tolist()
     inside = _within(pairs, members)
     groups = connected_groups(members, [pair.hypothesis for pair in inside])

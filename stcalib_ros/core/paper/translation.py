@@ -10,7 +10,7 @@ from stcalib_ros.core.model.arrays import Float64Array
 def translation_direction(
     R_a_b: Float64Array, x_a: Float64Array, x_b: Float64Array
 ) -> Float64Array:
-    """Unit vector t_a_b that solves ``x_a^T [t]_x R x_b = 0`` in least squares.
+    """Return the unit vector t_a_b that solves ``x_a^T [t]_x R x_b = 0`` in least squares.
 
     The constraint is linear, ``t^T (R x_b x x_a) = 0``; of the two signs the one that puts more
     points in front of both cameras is taken.
@@ -19,7 +19,7 @@ def translation_direction(
     ----------
     R_a_b : (3, 3) ndarray
     x_a, x_b : (M, 3) ndarray
-        The same points on the planes z = 1 of the two cameras, M >= 2.
+        Corresponding points on the planes z = 1 of the two cameras, M >= 2.
     """
     b_a = _unit(x_a)
     b_b = _unit(x_b) @ R_a_b.T
@@ -29,7 +29,7 @@ def translation_direction(
 
 
 def _ahead(b_a: Float64Array, b_b: Float64Array, t: Float64Array) -> int:
-    """Cheirality: points ``d_a b_a = d_b b_b + t`` with positive depths in both cameras."""
+    """Count the points ``d_a b_a = d_b b_b + t`` with positive depths in both cameras."""
     cosine = (b_a * b_b).sum(-1)
     along_a, along_b = b_a @ t, b_b @ t
     depth_a = along_a - cosine * along_b

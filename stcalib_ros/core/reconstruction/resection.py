@@ -1,8 +1,8 @@
-"""A camera that was left out, registered once more: against the people that the others see.
+"""Resection of a camera that was left out, from the people that the other cameras reconstruct.
 
-Their joints are known in space and time by then. The camera's own 3D poses only have to say about
-how it is turned and when; from there on its image points are fitted to the joints (resection, or
-PnP, with the clock offset as a seventh unknown), and they say who is who.
+Their joints are known in space and time by then. The camera's own 3D poses give approximate
+rotations and time offsets; from these its keypoints are fitted to the joints (resection, or PnP,
+with the time offset as a seventh unknown), which determines the persons, too.
 """
 
 from __future__ import annotations
@@ -15,7 +15,13 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from stcalib_ros.core.bundle.iteration import Iteration
-from stcalib_ros.core.bundle.normal_equations import NEAREST
+from stcalib_ros.core.bundle.limits import (
+    NEAREST,
+    OTHER_OFFSET_FRAMES,
+    OTHER_POSITION,
+    OTHER_ROTATION,
+)
+from stcalib_ros.core.bundle.parameters import ROTATION, TIME_OFFSET, TRANSLATION, ParameterLayout
 from stcalib_ros.core.geometry.so3 import exp_so3, hat, rotation_angle
 from stcalib_ros.core.integration.association import SLOT_SAMPLES
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
@@ -24,38 +30,45 @@ from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options
+from stcalib_ros.core.reconstruction.limits import (
+    FIT_SCALE_PX,
+    MIN_FIT,
+    MIN_LOOSE_COSINE,
+    PERSON_SCALE_RATIO,
+    RIVAL_FIT_RATIO,
+)
 from stcalib_ros.core.reconstruction.people import people_on_grid
 from stcalib_ros.core.registration.resampling import sample_camera
 from stcalib_ros.core.registration.voting import register_pair
 
-_LOOSE = 0.5
-"""Bones of poor poses agree no better than by this; what fits is up to the image points."""
 _MAX_IMAGES = 300
+"""Poses of the camera, count; of more, a regular part is used. Cost alone."""
 _STEPS = 15
-_LEAST_STEPS = 5
-_GAIN = 0.002
-_FINEST_PX = 12.0
+"""Steps of one fit at most; persons are associated anew in each."""
+_MIN_STEPS = 5
+"""Steps before a fit may end: at first the association of persons still changes."""
+_MIN_GAIN = 0.002
+"""Increase of the fraction of fitting keypoints per step below which a fit has converged."""
 _MAX_TURN = 0.2
+"""Radians. Longest rotation of one step, about the domain of its linearization."""
 _MAX_SHIFT_FRAMES = 2.0
-_OTHER_ROTATION = 0.1
-_OTHER_POSITION = 0.3
-_OTHER_OFFSET_FRAMES = 3.0
-_RIVAL = 0.8
-_MIN_EXPLAINED = 0.3
+"""Frames. Largest change of the time offset in one step: joints move as in their time bin only
+nearby."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resection:
-    """Where a camera stands among the people, and when.
+    """Pose and time offset of a camera.
 
     Attributes
     ----------
     R_ref_cam : (3, 3) ndarray
     t_ref_cam : (3,) ndarray
-        In the frame and unit of the rig.
+        Position in the frame and unit of the rig.
     offset_s : float
+        Time offset, seconds.
     explained : float
-        Share of its image points that fit, each counted by how well.
+        Fraction of its keypoints that fit, each weighted by how well.
     """
 
     R_ref_cam: Float64Array
@@ -64,28 +77,32 @@ class Resection:
     explained: float
 
     def differs(self, other: Resection, frame_s: float) -> bool:
-        """Whether the two are no one solution."""
-        turned = float(rotation_angle(self.R_ref_cam.T @ other.R_ref_cam))
-        moved = float(np.linalg.norm(self.t_ref_cam - other.t_ref_cam))
-        shifted = abs(self.offset_s - other.offset_s) / frame_s
-        return turned > _OTHER_ROTATION or moved > _OTHER_POSITION or shifted > _OTHER_OFFSET_FRAMES
+        """Whether the two are different solutions."""
+        angle = float(rotation_angle(self.R_ref_cam.T @ other.R_ref_cam))
+        distance = float(np.linalg.norm(self.t_ref_cam - other.t_ref_cam))
+        frames = abs(self.offset_s - other.offset_s) / frame_s
+        return angle > OTHER_ROTATION or distance > OTHER_POSITION or frames > OTHER_OFFSET_FRAMES
 
 
 def resect(
-    cameras: Sequence[LiftedCamera], index: int, skeleton: Skeleton, last: Iteration, o: Options
+    cameras: Sequence[LiftedCamera],
+    index: int,
+    skeleton: Skeleton,
+    last: Iteration,
+    options: Options,
 ) -> Resection | None:
-    """Find pose and clock of a camera that is not in the rig of a round.
+    """Estimate pose and time offset of a camera that is not in the rig of an iteration.
 
     Parameters
     ----------
     cameras : sequence of LiftedCamera
         All cameras.
     index : int
-        Of the one to be registered.
+        Index of the camera to be added.
     skeleton : Skeleton
     last : Iteration
-        Of the other cameras.
-    o : Options
+        Adjustment of the other cameras.
+    options : Options
 
     Returns
     -------
@@ -93,23 +110,23 @@ def resect(
         None where nothing fits, or another solution fits about as well.
     """
     frame_s = last.observations.step_s
-    images = _Images(cameras[index], last, synchronised=o.synchronised)
-    start = (
-        images.fitted(Resection(h.R_a_b, h.t_a_b, -h.lag_s, 0.0))
-        for h in _hypotheses(cameras[index], skeleton, last, o)
+    keypoints = _Keypoints(cameras[index], last, synchronised=options.synchronised)
+    fitted = (
+        keypoints.fit(Resection(h.R_a_b, h.t_a_b, -h.lag_s, 0.0))
+        for h in _hypotheses(cameras[index], skeleton, last, options)
     )
-    found = sorted(start, key=lambda one: -one.explained)
-    if not found or found[0].explained < _MIN_EXPLAINED:
+    found = sorted(fitted, key=lambda one: -one.explained)
+    if not found or found[0].explained < MIN_FIT:
         return None
     best, *others = found
     rivals = (other for other in others if other.differs(best, frame_s))
-    if any(other.explained > _RIVAL * best.explained for other in rivals):
+    if any(other.explained > RIVAL_FIT_RATIO * best.explained for other in rivals):
         return None
     return best
 
 
 def add_cameras(rig: Rig, found: dict[int, Resection], order: Sequence[int]) -> Rig:
-    """The rig with more cameras; the first of the order that it has becomes the reference."""
+    """Add cameras to a rig; the first one in the order that it has becomes the reference."""
     grown = replace(
         rig,
         cameras=np.concatenate([rig.cameras, np.array(list(found), dtype=np.int64)]),
@@ -122,33 +139,35 @@ def add_cameras(rig: Rig, found: dict[int, Resection], order: Sequence[int]) -> 
 
 
 def _hypotheses(
-    camera: LiftedCamera, skeleton: Skeleton, last: Iteration, o: Options
+    camera: LiftedCamera, skeleton: Skeleton, last: Iteration, options: Options
 ) -> tuple[RelativePose, ...]:
-    """Candidates by bone directions: the people are one camera that sees everything exactly."""
+    """Return candidates by bone directions, the people taken as one camera without errors."""
     step = last.observations.step_s
     first = last.observations.start_s
-    longest = max(float(last.observations.knot.max() * step), float(np.ptp(camera.stamps)))
+    longest = max(float(last.observations.time_bin.max() * step), float(np.ptp(camera.stamps)))
     start = min(first, float(camera.stamps[0]))
     end = max(first, float(camera.stamps[0])) + longest
     n = int((end - start) / step) + 2
     people, _ = people_on_grid(skeleton, last, start=start, n=n)
-    seen = sample_camera(camera, skeleton, start=start, step=step, n=n)
-    max_lag = int(np.ceil(2.0 * o.offset_range_s / step))
-    close = register_pair(0, 1, people, seen, max_lag, o.registration)
-    loose = register_pair(0, 1, people, seen, max_lag, o.registration, thresholds=(_LOOSE,))
-    return (*close, *loose)
+    observed = sample_camera(camera, skeleton, start=start, step=step, n=n)
+    max_lag = int(np.ceil(2.0 * options.offset_range_s / step))
+    strict = register_pair(0, 1, people, observed, max_lag, options.registration)
+    loose = register_pair(
+        0, 1, people, observed, max_lag, options.registration, thresholds=(MIN_LOOSE_COSINE,)
+    )
+    return (*strict, *loose)
 
 
 class _Predicted(NamedTuple):
-    """Image points of every person in some images: residuals, and what they are made of."""
+    """Projections of every person into some images: residuals, points and velocities."""
 
     r: Float64Array  # (P, M, J, 2), px
-    Y: Float64Array  # (P, M, J, 3), in the camera
-    V: Float64Array  # (P, M, J, 3), velocity, in the camera
+    Y: Float64Array  # (P, M, J, 3), joints in the frame of the camera
+    V: Float64Array  # (P, M, J, 3), their velocities in the frame of the camera, per second
 
 
-class _Images:
-    """Image points of one camera, thinned, and the people to be found in them."""
+class _Keypoints:
+    """Keypoints of one camera, thinned, to be fitted to the people of an adjustment."""
 
     def __init__(self, camera: LiftedCamera, last: Iteration, *, synchronised: bool) -> None:
         self.last, self.synchronised = last, synchronised
@@ -164,8 +183,8 @@ class _Images:
         self.n_points = max(int(np.isfinite(self.x[..., 0]).sum()), 1)
         self.row_of = _row_table(last)
 
-    def fitted(self, start: Resection) -> Resection:
-        """Gauss-Newton on the robust image error; persons are chosen again in every step."""
+    def fit(self, start: Resection) -> Resection:
+        """Minimize the robust reprojection error by Gauss-Newton, with persons by each step."""
         best, at = start, start
         for step in range(_STEPS):
             predicted = self._predicted(at)
@@ -175,35 +194,36 @@ class _Images:
             known = np.isfinite(mine) & (chosen >= 0)[:, None]
             if not known.any():
                 return best
-            weight = np.where(known, 1.0 / (1.0 + (mine / _FINEST_PX) ** 2), 0.0)
+            weight = np.where(known, 1.0 / (1.0 + (mine / FIT_SCALE_PX) ** 2), 0.0)
             at = replace(at, explained=float(weight.sum()) / self.n_points)
-            if step > _LEAST_STEPS and at.explained < best.explained + _GAIN:
+            if step > _MIN_STEPS and at.explained < best.explained + _MIN_GAIN:
                 return max(best, at, key=lambda one: one.explained)
             best = max(best, at, key=lambda one: one.explained)
-            scale = max(_FINEST_PX, float(np.median(mine[known])))
+            scale = max(FIT_SCALE_PX, float(np.median(mine[known])))
             at = self._step(at, predicted, chosen, known, scale)
         return best
 
     def _predicted(self, at: Resection) -> _Predicted:
-        o, state = self.last.observations, self.last.state
-        since = self.times + at.offset_s - o.start_s
-        knot = np.rint(since / o.step_s).astype(np.int64)
-        inside = (knot >= 0) & (knot < self.row_of.shape[1])
-        row = np.where(inside, self.row_of[:, np.where(inside, knot, 0)], -1)
-        when = (since - knot * o.step_s)[:, None, None]
+        obs, state = self.last.observations, self.last.state
+        since = self.times + at.offset_s - obs.start_s
+        bins = np.rint(since / obs.step_s).astype(np.int64)
+        inside = (bins >= 0) & (bins < self.row_of.shape[1])
+        row = np.where(inside, self.row_of[:, np.where(inside, bins, 0)], -1)
+        when = (since - bins * obs.step_s)[:, None, None]
         V = state.V[row] + when * state.A[row]
         X = state.X[row] + when * (state.V[row] + 0.5 * when * state.A[row])
-        known = (state.used[row].sum(2) >= 2) & (row >= 0)[..., None]
+        known = (state.inlier[row].sum(2) >= 2) & (row >= 0)[..., None]
         Y = (np.where(known[..., None], X, np.nan) - at.t_ref_cam) @ at.R_ref_cam
         Y[Y[..., 2] < NEAREST] = np.nan
         r = (Y[..., :2] / Y[..., 2:] - self.x) * self.focal[..., None]
         return _Predicted(r, Y, V @ at.R_ref_cam)
 
     def _persons(self, error: Float64Array, at: Resection) -> IntArray:
-        """Person (M,) of every image of a track, one for a slot of time; -1 where none fits."""
+        """Return the person (M,) in every image of a track, one per slot; -1 where none fits."""
         slot_s = SLOT_SAMPLES * self.last.observations.step_s
         slot = np.floor((self.times + at.offset_s) / slot_s).astype(np.int64)
-        fits = np.nan_to_num(1.0 / (1.0 + (error / (4.0 * _FINEST_PX)) ** 2)).sum(-1)
+        scale_px = PERSON_SCALE_RATIO * FIT_SCALE_PX
+        fits = np.nan_to_num(1.0 / (1.0 + (error / scale_px) ** 2)).sum(-1)
         chosen: IntArray = np.full(len(self.times), -1, dtype=np.int64)
         for s in np.unique(slot):
             rows = np.flatnonzero(slot == s)
@@ -225,7 +245,7 @@ class _Images:
         known: BoolArray,
         scale: float,
     ) -> Resection:
-        """One step of the pose and the offset."""
+        """Return pose and time offset after one Gauss-Newton step."""
         m, j = np.nonzero(known)
         r, Y, V = (one[chosen[m], m, j] for one in predicted)
         depth = Y[:, 2]
@@ -237,25 +257,30 @@ class _Images:
         w = 1.0 / (1.0 + (r**2).sum(-1) / scale**2)
         H = np.einsum("n,nia,nib->ab", w, J, J, optimize=True)
         g = np.einsum("n,nia,ni->a", w, J, r, optimize=True)
-        free = np.arange(6 if self.synchronised else 7)
-        H[range(7), range(7)] *= 1.0 + 1e-3
-        H[range(7), range(7)] += 1e-9 * np.trace(H)
-        step = np.zeros(7)
+        layout = ParameterLayout(1)
+        n = layout.within(TIME_OFFSET).start if self.synchronised else layout.block
+        H[range(len(H)), range(len(H))] *= 1.0 + 1e-3
+        H[range(len(H)), range(len(H))] += 1e-9 * np.trace(H)
+        step, free = np.zeros(layout.block), np.arange(n)
         step[free] = -np.linalg.solve(H[np.ix_(free, free)], g[free])
-        turn = step[:3] * min(1.0, _MAX_TURN / max(float(np.linalg.norm(step[:3])), 1e-12))
+        rotation, translation, (late,) = (
+            step[layout.within(one)] for one in (ROTATION, TRANSLATION, TIME_OFFSET)
+        )
+        turn = rotation * min(1.0, _MAX_TURN / max(float(np.linalg.norm(rotation)), 1e-12))
         limit = _MAX_SHIFT_FRAMES * self.last.observations.step_s
         return replace(
             at,
             R_ref_cam=at.R_ref_cam @ exp_so3(turn),
-            t_ref_cam=at.t_ref_cam + at.R_ref_cam @ step[3:6],
-            offset_s=at.offset_s + float(np.clip(step[6], -limit, limit)),
+            t_ref_cam=at.t_ref_cam + at.R_ref_cam @ translation,
+            offset_s=at.offset_s + float(np.clip(late, -limit, limit)),
         )
 
 
 def _row_table(last: Iteration) -> IntArray:
-    """Row (P, K) of every person of a round at every knot; -1 where there is none."""
-    o = last.observations
-    _, person = np.unique(o.person, return_inverse=True)
-    table: IntArray = np.full((int(person.max()) + 1, int(o.knot.max()) + 1), -1, dtype=np.int64)
-    table[person.ravel(), o.knot] = np.arange(len(o.person))
+    """Return the row (P, K) of every person in every time bin; -1 where there is none."""
+    obs = last.observations
+    _, person = np.unique(obs.person, return_inverse=True)
+    shape = (int(person.max()) + 1, int(obs.time_bin.max()) + 1)
+    table: IntArray = np.full(shape, -1, dtype=np.int64)
+    table[person.ravel(), obs.time_bin] = np.arange(len(obs.person))
     return table

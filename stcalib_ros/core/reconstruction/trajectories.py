@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
-from stcalib_ros.core.reconstruction.people import _path, found_persons
-
-if TYPE_CHECKING:
-    from stcalib_ros.core.output.world_frame import WorldAlignment
-    from stcalib_ros.core.stages import Stages
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.reconstruction.people import found_persons, joint_path
 
 _LINES = (
     ("left_shoulder", "right_shoulder"),
@@ -21,12 +19,12 @@ _LINES = (
     ("left_shoulder", "left_hip"),
     ("right_shoulder", "right_hip"),
 )
-"""Drawn in layouts that have no joints between hips and shoulders."""
+"""Lines of the trunk, for layouts without joints between hips and shoulders."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PersonTrajectory:
-    """One person's joints over time, as the adjusted cameras see them.
+    """One person's joints over time, triangulated by the calibrated cameras.
 
     Attributes
     ----------
@@ -38,7 +36,7 @@ class PersonTrajectory:
         By the reference clock, seconds since `Recording.epoch_ns`, uniform.
     joints_ref : (K, J, 3) ndarray
         In the reference frame, in the calibration's unit; NaN where fewer than two cameras have
-        image points that fit.
+        an inlier.
     """
 
     person_id: int
@@ -47,32 +45,43 @@ class PersonTrajectory:
     joints_ref: Float64Array
 
 
-def reconstruct(stages: Stages) -> tuple[PersonTrajectory, ...]:
-    """Joints of all persons of a calibration, in their order.
+def reconstruct(
+    cameras: Sequence[LiftedCamera],
+    last: Iteration,
+    layout: Layout,
+    to_result: Callable[[Float64Array], Float64Array],
+) -> tuple[PersonTrajectory, ...]:
+    """Return the joints of all persons, in the order of the calibration's persons.
 
-    Empty if there are no camera poses.
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+        All cameras.
+    last : Iteration
+        Result of the bundle adjustment.
+    layout : Layout
+        Layout of its joints.
+    to_result : callable
+        Transform of points (..., 3) from the frame and unit of the adjustment to those of the
+        result.
     """
-    if stages.placement is None:
-        return ()
+    found = found_persons(cameras, last)
     return tuple(
-        _trajectory(person.person_id, stages, stages.placement, rows)
-        for person, rows in zip(stages.calibration.persons, person_rows(stages), strict=True)
+        _trajectory(person.person_id, last, rows, layout, to_result)
+        for (_, person), rows in zip(found, person_rows(cameras, last), strict=True)
     )
 
 
-def person_rows(stages: Stages) -> tuple[IntArray, ...]:
-    """Rows of the last round's observations that show each person of the calibration."""
-    if not stages.calibration.persons:
-        return ()
-    last = stages.rounds[-1]
+def person_rows(cameras: Sequence[LiftedCamera], last: Iteration) -> tuple[IntArray, ...]:
+    """Return the rows of the observations that belong to each person of the calibration."""
     return tuple(
         np.flatnonzero(last.observations.person == number)
-        for number, _ in found_persons(stages.lifted, last)
+        for number, _ in found_persons(cameras, last)
     )
 
 
 def bones(layout: Layout) -> tuple[tuple[int, int], ...]:
-    """Pairs of joints to draw a line between: every bone, and the trunk where it has none."""
+    """Return the pairs of joints that a figure connects: every bone, and the trunk's outline."""
     pairs = [(p, j) for j, p in enumerate(layout.parents) if p >= 0]
     names = layout.joint_names
     if not {"spine", "spine1", "neck", "pelvis"} & set(names):
@@ -81,9 +90,13 @@ def bones(layout: Layout) -> tuple[tuple[int, int], ...]:
 
 
 def _trajectory(
-    person_id: int, stages: Stages, placement: WorldAlignment, rows: IntArray
+    person_id: int,
+    last: Iteration,
+    rows: IntArray,
+    layout: Layout,
+    to_result: Callable[[Float64Array], Float64Array],
 ) -> PersonTrajectory:
-    o = stages.rounds[-1].observations
-    joints = placement.to_result(_path(stages.rounds[-1], rows))
-    times = o.start_s + o.step_s * (o.knot[rows[0]] + np.arange(len(joints)))
-    return PersonTrajectory(person_id, stages.skeleton.layout, times, joints)
+    obs = last.observations
+    joints = to_result(joint_path(last, rows))
+    times = obs.start_s + obs.step_s * (obs.time_bin[rows[0]] + np.arange(len(joints)))
+    return PersonTrajectory(person_id, layout, times, joints)

@@ -1,4 +1,4 @@
-"""Cameras that take their images at even times, and stamps that are not."""
+"""Timestamps of cameras that take their images at regular times, and timestamps that jitter."""
 
 from __future__ import annotations
 
@@ -6,22 +6,30 @@ import numpy as np
 
 from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.refinement.limits import MAX_IRREGULARITY, MIN_REGULAR_IMAGES
 
 _SPAN_S = 15.0
-_MIN_IMAGES = 30
-_OFF = 0.1
-_FINE = 0.1
+"""Seconds of timestamps that are fitted by one line. Chosen: clocks of cameras wander less within
+that than timestamps jitter."""
+
+_RATE_RANGE = 0.1
+"""Fraction. Rates are searched up to so far from that of the median interval. Chosen."""
+
+_RATE_STEP = 0.1
+"""Periods over the whole span from one rate to the next. Numerical: a tenth of a cycle."""
+
 _PHASES = 8
+"""Count. Phases of the period that the search starts from; more find no better one. Numerical."""
+
 _PASSES = 10
-_UNEVEN = 0.4
-"""Of a period: deviation of stamps that tell no even times."""
+"""Count. Fits of a line, each with the images numbered anew, at most. Numerical."""
 
 
-def even_times(stamps: Float64Array) -> Float64Array:
-    """Corrections (N,) that put stamps at even times, images lost in between left out.
+def regular_times(stamps: Float64Array) -> Float64Array:
+    """Corrections (N,) that move timestamps to regular times, lost images left out.
 
-    Every quarter of a minute by itself, without changing the mean or the trend of its stamps: a
-    rate that wanders slowly does no harm. Zero where the stamps fit no even times.
+    Every quarter of a minute by itself, without changing the mean or the trend of its timestamps: a
+    rate that wanders slowly does no harm. Zero where the timestamps have no regular period.
 
     Parameters
     ----------
@@ -31,25 +39,37 @@ def even_times(stamps: Float64Array) -> Float64Array:
     out = np.zeros(len(stamps))
     n_spans = max(1, round(float(np.ptp(stamps)) / _SPAN_S)) if len(stamps) else 1
     for part in np.array_split(np.arange(len(stamps)), n_spans):
-        if len(part) >= _MIN_IMAGES:
+        if len(part) >= MIN_REGULAR_IMAGES:
             out[part] = _line(stamps[part] - stamps[part[0]])
     return out
 
 
 def _line(since: Float64Array) -> Float64Array:
-    """Corrections of some stamps: from the best of several starts."""
+    """Corrections of some timestamps: from the best of several starts."""
     period = frame_period(since)
-    step = _FINE * period / float(since[-1])
-    rates = (1.0 + np.arange(-_OFF, _OFF, step)) / period
-    power = np.abs(np.exp(2j * np.pi * np.outer(rates, since)).sum(1))
-    turns = rates[int(power.argmax())] * since
-    fits = [_settled(since, turns - phase) for phase in np.arange(_PHASES) / _PHASES]
+    turns = _strongest_rate(since, period) * since
+    fits = [_converged(since, turns - phase) for phase in np.arange(_PHASES) / _PHASES]
     best = min(fits, key=lambda correction: float(correction @ correction))
-    return best if best.std() < _UNEVEN * period else np.zeros_like(since)
+    return best if best.std() < MAX_IRREGULARITY * period else np.zeros_like(since)
 
 
-def _settled(since: Float64Array, turns: Float64Array) -> Float64Array:
-    """Corrections to even times, from a guess of the number of periods."""
+def _strongest_rate(since: Float64Array, period: float) -> float:
+    """Rate, 1/s, at which the phases of times (N,) agree best.
+
+    The rates are those of a regular grid, whose phases are products of a coarse and a fine one:
+    one matrix product, of matrices that grow with N to the power of 3/2.
+    """
+    step = _RATE_STEP * period / float(since[-1])
+    rates = (1.0 + np.arange(-_RATE_RANGE, _RATE_RANGE, step)) / period
+    n = int(np.ceil(np.sqrt(len(rates))))
+    fine = np.exp(2j * np.pi * np.outer(step / period * np.arange(n), since))
+    coarse = np.exp(2j * np.pi * np.outer(since, rates[::n]))
+    power = np.abs(fine @ coarse).T.ravel()[: len(rates)]
+    return float(rates[power.argmax()])
+
+
+def _converged(since: Float64Array, turns: Float64Array) -> Float64Array:
+    """Corrections to regular times, from a guess of the number of periods."""
     number = _numbers(turns)
     line = since
     for _ in range(_PASSES):

@@ -1,27 +1,39 @@
-"""Refinement: the optional unknowns, in the order in which they are estimated."""
+"""The refinement of an adjusted rig: what else than poses and offsets is unknown, in one system."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-from stcalib_ros.core.bundle.covariance import pose_covariance
+from stcalib_ros.core.bundle.covariance import JointCovariance, information, publication
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.offset_debiasing import debias_offsets, debiased
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.options import BundleOptions
-from stcalib_ros.core.refinement.clock_skew import with_clock_skews
-from stcalib_ros.core.refinement.keypoint_bias.stage import refine_keypoint_bias
-from stcalib_ros.core.refinement.line_delay import (
-    refine_with_line_delays,
-    with_line_delays,
-)
+from stcalib_ros.core.refinement.clock_skew import clock_skews
+from stcalib_ros.core.refinement.joint_adjustment import JointAdjustment, adjust_jointly
+from stcalib_ros.core.refinement.keypoint_bias.stage import UnbiasedRound, refine_keypoint_bias
+from stcalib_ros.core.refinement.line_delay import line_delays, middle_rows
 from stcalib_ros.core.refinement.spline_trajectories import with_splines
-from stcalib_ros.core.refinement.timestamp_jitter import (
-    added_covariance,
-    with_timestamp_errors,
-)
+from stcalib_ros.core.refinement.timestamp_jitter import added_covariance, with_timestamp_errors
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Refinement:
+    """The rounds of an adjustment, the last one refined.
+
+    Attributes
+    ----------
+    iterations : tuple of Iteration
+        Where keypoints are biased, the last but one is the round before their correction.
+    covariance : JointCovariance
+        Of the last one.
+    """
+
+    iterations: tuple[Iteration, ...]
+    covariance: JointCovariance
 
 
 def refine(
@@ -30,49 +42,83 @@ def refine(
     layout: Layout,
     options: BundleOptions,
     *,
-    estimate_line_delay: bool,
-) -> tuple[tuple[Iteration, ...], Float64Array]:
-    """Adjust with line delays, keypoint biases, timestamp errors, clock skews and splines.
+    estimate_line_delays: bool = False,
+) -> Refinement:
+    """Refine the last round of an adjustment.
+
+    1. Clock skews and line delays that are observable join poses and offsets.
+    2. Keypoint biases, if there are any, are estimated with all of these, and the keypoints
+       corrected. Before the timestamps: jitter would explain a part of the biases.
+    3. Timestamps that jitter are corrected image by image.
+    4. Everything of 1. once more with corrected keypoints and timestamps.
+    5. Offsets are compensated for noise in the velocities.
+    6. Irregularly sampled images: joints become smooth trajectories, whose velocities need no 5.
 
     Parameters
     ----------
     cameras : sequence of LiftedCamera
         All cameras of the recording.
     iterations : tuple of Iteration
-        Those of the adjustment.
+        The last one at its optimum.
     layout : Layout
-        Joints of the people.
+        Of the keypoints.
     options : BundleOptions
-    estimate_line_delay : bool
-        Estimate the line delays of rolling shutters.
-
-    Returns
-    -------
-    tuple of Iteration
-        The same with the last one refined, and one more before it where keypoints are biased.
-    (7 C, 7 C) ndarray
-        Covariance of all cameras.
+    estimate_line_delays : bool
+        Line delays are unknowns where they are observable; else they are as given.
     """
-    last = iterations[-1]
-    if estimate_line_delay:
-        last, biased = refine_with_line_delays(cameras, last, layout, options)
-        iterations = (*iterations[:-1], last)
-    else:
-        biased = refine_keypoint_bias(cameras, last, layout, options)
-    if biased is not None:
-        last = biased.round
-        iterations += (last,)
-    last = with_timestamp_errors(cameras, last, options)
-    if estimate_line_delay and last.stamps is not None:
-        last = with_line_delays(cameras, last, options)
-    last = with_clock_skews(last, options)
-    state = debias_offsets(last.observations, last.state, iterations=options.max_iterations)
+    members = [cameras[c] for c in iterations[-1].rig.cameras]
+    joint = adjust_jointly(
+        members, iterations[-1], options, estimate_line_delays=estimate_line_delays
+    )
+    iterations = (*iterations[:-1], joint.iteration)
+    unbiased = refine_keypoint_bias(cameras, joint.iteration, layout, options, joint.layout)
+    if unbiased is not None:
+        iterations = (*iterations, unbiased.round)
+    last = with_timestamp_errors(cameras, iterations[-1], options, joint.layout)
+    if last is not joint.iteration:
+        joint = adjust_jointly(members, last, options, estimate_line_delays=estimate_line_delays)
+    last = with_splines(cameras, _compensated(joint, options), options)
+    covariance = _covariance(members, last, joint, unbiased, layout)
+    last = _with_records(members, last, joint, covariance.matrix)
+    return Refinement((*iterations[:-1], last), covariance)
+
+
+def _compensated(joint: JointAdjustment, options: BundleOptions) -> Iteration:
+    """The round with offsets compensated for noise in the velocities."""
+    last, obs = joint.iteration, joint.iteration.observations
+    state = debias_offsets(obs, last.state, iterations=options.max_iterations)
     if state is last.state:
-        state = debiased(last.observations, state)
-    last = with_splines(cameras, last.moved(last.observations, state), options)
-    covariance = pose_covariance(last.observations, last.state) + added_covariance(last)
-    if last.lines is not None:
-        covariance = covariance + last.lines.added
-    if biased is not None:
-        covariance = covariance + biased.excess
-    return (*iterations[:-1], last), covariance
+        state = debiased(obs, state)
+    return last.with_state(obs, state)
+
+
+def _covariance(
+    members: Sequence[LiftedCamera],
+    last: Iteration,
+    joint: JointAdjustment,
+    unbiased: UnbiasedRound | None,
+    layout: Layout,
+) -> JointCovariance:
+    """Covariance of everything that was estimated."""
+    unknowns = joint.layout
+    P = information(last.observations, last.state, unknowns).covariance(unknowns)
+    P = P + added_covariance(last.timestamp_errors, unknowns)
+    eliminated = {}
+    if unbiased is not None:
+        P = P + unbiased.added_covariance(unknowns)
+        eliminated = unbiased.unknowns(layout.joint_names, unknowns)
+    published = publication(last.state.cameras, unknowns, middle_rows(members))
+    names = tuple(member.name for member in members)
+    return JointCovariance(names, unknowns, P, published, eliminated)
+
+
+def _with_records(
+    members: Sequence[LiftedCamera], last: Iteration, joint: JointAdjustment, P: Float64Array
+) -> Iteration:
+    """The round with its skews and line delays, and how well they are known."""
+    skews, delays = joint.skews, joint.delays
+    return replace(
+        last,
+        clock_skews=None if skews is None else clock_skews(last, skews, joint.layout, P),
+        line_delays=None if delays is None else line_delays(members, last, delays, joint.layout, P),
+    )

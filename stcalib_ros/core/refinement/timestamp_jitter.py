@@ -1,10 +1,10 @@
-"""Errors of single stamps: when each image was taken, told by all joints of all people in it.
+"""Timestamp jitter: when each image was taken, by all joints of all people in it.
 
-The stamps of a driver or a network are off by milliseconds, each by another amount. One unknown
-for each image, with a prior whose deviation is that of the largest marginal likelihood, takes
-that out. Images of different knots have nothing in common once the joints are eliminated, so
-that the cost is linear in the length of the recording. Mean and trend of the errors of a camera
-are not told from offset and rate of its clock, and stay with these.
+The timestamps of a driver or a network are off by milliseconds, each by another amount. One unknown
+for each image, with a Gaussian prior whose variance is that of the largest marginal likelihood,
+compensates that. Images of different time bins have nothing in common once the joints are
+eliminated, so that the cost is linear in the length of the recording. Mean and trend of the errors
+of a camera cannot be separated from offset and skew of its clock, and stay with these.
 """
 
 from __future__ import annotations
@@ -17,22 +17,30 @@ import numpy as np
 from stcalib_ros.core.bundle.istba import readjusted
 from stcalib_ros.core.bundle.iteration import Iteration, TimestampErrors
 from stcalib_ros.core.bundle.levenberg_marquardt import time_sums
-from stcalib_ros.core.bundle.normal_equations import CAMERA
+from stcalib_ros.core.bundle.observations import Observations
+from stcalib_ros.core.bundle.parameters import CLOCK_SKEW, TIME_OFFSET, ParameterLayout
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.options import BundleOptions
-from stcalib_ros.core.refinement.regular_frames import even_times
+from stcalib_ros.core.refinement.evidence import renewed_variance
+from stcalib_ros.core.refinement.limits import MIN_EVEN_CORRELATION, MIN_LOG_EVIDENCE
+from stcalib_ros.core.refinement.regular_frames import regular_times
 
-_DECISIVE = 10.0
 _PASSES = 3
+"""Count. Corrections of the timestamps, each with a new adjustment. Numerical."""
+
 _RENEWALS = 30
+"""Count. Steps of the fixed point of the variances. Numerical."""
+
 _FIRST_STDDEV_S = 1e-3
+"""Seconds. Standard deviation of the jitter to start from. Numerical: the evidence decides."""
+
 _LEAST_STDDEV_S = 1e-5
-_ALIKE = 0.5
+"""Seconds. Smallest standard deviation of the jitter. Numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Images:
+class _TimedImages:
     """The images of C cameras at K knots, and the rows (N,) that they are in.
 
     Attributes
@@ -80,25 +88,30 @@ class _Posterior:
 
 
 def with_timestamp_errors(
-    cameras: Sequence[LiftedCamera], last: Iteration, o: BundleOptions
+    cameras: Sequence[LiftedCamera],
+    last: Iteration,
+    options: BundleOptions,
+    layout: ParameterLayout | None = None,
 ) -> Iteration:
-    """A round adjusted with images at the times that they tell.
+    """Adjust a round to timestamps that are corrected image by image.
 
-    The same where the images do not say decisively that stamps are off. Where they agree that
-    images were taken at even times, the stamps are put there.
+    The same where the evidence for jitter is not decisive. Where the keypoints agree that images
+    were taken at regular times, timestamps start from these.
 
     Parameters
     ----------
     cameras : sequence of LiftedCamera
     last : Iteration
-    o : BundleOptions
+    options : BundleOptions
+    layout : ParameterLayout, optional
+        Unknowns of the cameras; default: poses and time offsets.
     """
     members = [cameras[c] for c in last.rig.cameras]
     images = _images_of(members, last)
     H, g = _sums(images, last)
     none = np.zeros_like(g)
     found = _posterior(H, g, none, none)
-    if not found.gain > _DECISIVE:
+    if not found.gain > MIN_LOG_EVIDENCE:
         return last
     even = _even(members, images, found.correction_s)
     mean = images.values(even)
@@ -110,24 +123,25 @@ def with_timestamp_errors(
             (_posterior(H, g, correction, m) for m in (mean, none)), key=lambda one: one.gain
         )
         correction = _without_trend(images, found.correction_s)
-        timed = _adjusted(last, _by_row(images, correction, even), timed, o, last=n == _PASSES - 1)
-    return replace(timed, stamps=_errors(images, correction, found.variance))
+        obs = _corrected(last.observations, _by_row(images, correction, even))
+        timed = readjusted(timed, obs, options, last=n == _PASSES - 1, layout=layout)
+    return replace(timed, timestamp_errors=_errors(images, correction, found.variance))
 
 
-def _images_of(members: Sequence[LiftedCamera], last: Iteration) -> _Images:
-    o = last.observations
-    knots, knot = np.unique(o.knot, return_inverse=True)
-    seen = o.track >= 0
+def _images_of(members: Sequence[LiftedCamera], last: Iteration) -> _TimedImages:
+    obs = last.observations
+    knots, knot = np.unique(obs.time_bin, return_inverse=True)
+    seen = obs.track >= 0
     before = last.rig.offset_s - last.state.shift_s
-    when = o.start_s + o.knot[:, None] * o.step_s + o.phi - before
+    when = obs.start_s + obs.time_bin[:, None] * obs.step_s + obs.phi - before
     stamp = np.stack([_nearest(m.stamps, t) for m, t in zip(members, when.T, strict=True)], 1)
     at_knot = np.full((len(knots), len(members)), -1, dtype=np.int64)
     for c in range(len(members)):
         rows = np.flatnonzero(seen[:, c])
-        order = rows[np.argsort(-np.abs(o.phi[rows, c]), kind="stable")]
+        order = rows[np.argsort(-np.abs(obs.phi[rows, c]), kind="stable")]
         at_knot[knot[order], c] = stamp[order, c]
     own = seen & (stamp == at_knot[knot])
-    return _Images(np.asarray(o.start_s + knots * o.step_s), knot, own, stamp, at_knot)
+    return _TimedImages(np.asarray(obs.start_s + knots * obs.step_s), knot, own, stamp, at_knot)
 
 
 def _nearest(stamps: Float64Array, times: Float64Array) -> IntArray:
@@ -137,9 +151,9 @@ def _nearest(stamps: Float64Array, times: Float64Array) -> IntArray:
     return np.asarray(after - nearer, dtype=np.int64)
 
 
-def _sums(images: _Images, last: Iteration) -> tuple[Float64Array, Float64Array]:
-    used = last.state.used & images.own[:, :, None]
-    state = replace(last.state, used=used)
+def _sums(images: _TimedImages, last: Iteration) -> tuple[Float64Array, Float64Array]:
+    used = last.state.inlier & images.own[:, :, None]
+    state = replace(last.state, inlier=used)
     return time_sums(last.observations, state, images.knot)
 
 
@@ -155,39 +169,38 @@ def _posterior(
     at_s, mean_s : (K, C) ndarray
         Corrections there, and the mean of the prior.
     """
-    told = np.diagonal(H, axis1=1, axis2=2) > 0.0
-    away = mean_s - at_s
-    there = g + np.einsum("kcd,kd->kc", H, away)
+    observed = np.diagonal(H, axis1=1, axis2=2) > 0.0
+    difference = mean_s - at_s
+    there = g + np.einsum("kcd,kd->kc", H, difference)
     variance = np.full(g.shape[1], _FIRST_STDDEV_S**2)
     for _ in range(_RENEWALS):
         P = np.linalg.inv(H + np.diag(1.0 / variance))
         step = -np.einsum("kcd,kd->kc", P, there)
-        spread = np.diagonal(P, axis1=1, axis2=2)
-        taken = ((1.0 - spread / variance) * told).sum(0)
-        renewed = (step**2 * told).sum(0) / np.maximum(taken, 1e-9)
-        variance = np.maximum(renewed, _LEAST_STDDEV_S**2)
+        posterior = np.diagonal(P, axis1=1, axis2=2)
+        determined = ((1.0 - posterior / variance) * observed).sum(0)
+        variance = renewed_variance((step**2 * observed).sum(0), determined, _LEAST_STDDEV_S**2)
     root = np.sqrt(variance)
     volume = np.linalg.slogdet(np.eye(len(root)) + root[:, None] * H * root)[1].sum()
-    down = 0.5 * ((there + g) * away).sum()
+    down = 0.5 * ((there + g) * difference).sum()
     gain = -down - 0.5 * (there * step).sum() - 0.5 * volume
-    return _Posterior(np.where(told, mean_s + step, 0.0), spread, float(gain))
+    return _Posterior(np.where(observed, mean_s + step, 0.0), posterior, float(gain))
 
 
 def _even(
-    members: Sequence[LiftedCamera], images: _Images, correction_s: Float64Array
+    members: Sequence[LiftedCamera], images: _TimedImages, correction_s: Float64Array
 ) -> list[Float64Array]:
     """Corrections of all stamps towards even times, of cameras whose images agree; else zero."""
     out = []
     for camera, at, found in zip(members, images.at_knot.T, correction_s.T, strict=True):
-        even = even_times(camera.stamps)
+        even = regular_times(camera.stamps)
         there = np.flatnonzero(at >= 0)
         a, b = even[at[there]], found[there]
-        agree = float(a @ b) > _ALIKE * float(np.sqrt((a @ a) * (b @ b)))
+        agree = float(a @ b) > MIN_EVEN_CORRELATION * float(np.sqrt((a @ a) * (b @ b)))
         out.append(even if agree else np.zeros_like(even))
     return out
 
 
-def _without_trend(images: _Images, correction_s: Float64Array) -> Float64Array:
+def _without_trend(images: _TimedImages, correction_s: Float64Array) -> Float64Array:
     """Corrections (K, C) less the line through those of each camera."""
     out = np.zeros_like(correction_s)
     since = images.time_s - images.time_s.mean()
@@ -200,24 +213,21 @@ def _without_trend(images: _Images, correction_s: Float64Array) -> Float64Array:
 
 
 def _by_row(
-    images: _Images, correction_s: Float64Array, even: Sequence[Float64Array]
+    images: _TimedImages, correction_s: Float64Array, even: Sequence[Float64Array]
 ) -> Float64Array:
     """Corrections (N, C) of the images in the rows."""
     other = np.stack([e[at] for e, at in zip(even, images.stamp.T, strict=True)], 1)
     return np.where(images.own, correction_s[images.knot], other)
 
 
-def _adjusted(
-    first: Iteration, correction_s: Float64Array, timed: Iteration, o: BundleOptions, *, last: bool
-) -> Iteration:
-    """The round with images at their times, adjusted from where it is."""
-    seen = first.observations.track >= 0
-    phi = first.observations.phi + np.where(seen, correction_s, 0.0)
-    observations = replace(first.observations, phi=phi)
-    return readjusted(timed, observations, o, last=last)
+def _corrected(obs: Observations, correction_s: Float64Array) -> Observations:
+    """Observations with images at corrected times (N, C)."""
+    return replace(obs, phi=obs.phi + np.where(obs.track >= 0, correction_s, 0.0))
 
 
-def _errors(images: _Images, correction_s: Float64Array, variance: Float64Array) -> TimestampErrors:
+def _errors(
+    images: _TimedImages, correction_s: Float64Array, variance: Float64Array
+) -> TimestampErrors:
     there = images.at_knot >= 0
     n = there.sum(0)
     square = ((correction_s**2 + variance) * there).sum(0) / n
@@ -226,13 +236,19 @@ def _errors(images: _Images, correction_s: Float64Array, variance: Float64Array)
     return TimestampErrors(np.sqrt(square), square / n, square / length)
 
 
-def added_covariance(last: Iteration) -> Float64Array:
-    """What the mean errors of stamps add to the covariance (7 C, 7 C) of the cameras."""
-    C = len(last.rig.cameras)
-    out = np.zeros((CAMERA * C, CAMERA * C))
-    if last.stamps is None or last.state.synchronised:
+def added_covariance(errors: TimestampErrors | None, layout: ParameterLayout) -> Float64Array:
+    """Additional covariance (n, n) due to the mean and the trend of the errors of timestamps."""
+    out = np.zeros((layout.size, layout.size))
+    if errors is None or layout.synchronised:
         return out
-    variance = last.stamps.offset_variance
-    offsets = CAMERA * np.arange(1, C) + CAMERA - 1
-    out[np.ix_(offsets, offsets)] = np.diag(variance[1:]) + variance[0]
+    free = layout.free()
+    for unknown, variance in (
+        (TIME_OFFSET, errors.offset_variance),
+        (CLOCK_SKEW, errors.skew_variance),
+    ):
+        if unknown in layout.unknowns:
+            columns = layout.scalars(unknown)
+            own = np.isin(columns, free)
+            rows = columns[own]
+            out[np.ix_(rows, rows)] = np.diag(variance[own]) + variance[0]
     return out

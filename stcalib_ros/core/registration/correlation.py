@@ -17,8 +17,8 @@ from stcalib_ros.core.geometry.alignment import best_rotation_trace
 from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from stcalib_ros.core.registration.resampling import GridTracks
 
-_MOST_VALUES = 2_000_000
-"""Of a transform at once."""
+_BLOCK_VALUES = 2_000_000
+"""Numbers of a transform that are held at once (16 MB). Numerical: bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class PairCovariance:
     mass : (P, Q, L) ndarray
         ``sum m m'``: the greatest value that ``tr(R^T S)`` can have.
     overlap : (P, Q, L) ndarray
-        Samples that both tracks share.
+        Samples in which both tracks are observed.
     lags : (L,) ndarray of int
         Sample k of camera a is compared with sample k + lag of camera b.
     """
@@ -81,7 +81,7 @@ def _correlate(a: Float32Array, b: Float32Array, size: int, lags: IntArray) -> F
     """
     A, B = a.shape[1], b.shape[1]
     spectrum_b = fft.rfft(b, size, axis=0).transpose(0, 2, 1)
-    at_once = max(1, _MOST_VALUES // (size * B))
+    at_once = max(1, _BLOCK_VALUES // (size * B))
     out = np.empty((A, B, len(lags)))
     for begin in range(0, A, at_once):
         rows = slice(begin, begin + at_once)

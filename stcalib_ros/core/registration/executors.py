@@ -1,4 +1,4 @@
-"""Independent tasks, shared between the workers of an executor."""
+"""Independent tasks, distributed over the workers of an executor."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TypeVar
 from stcalib_ros.core.errors import CalibrationError
 
 _POLL_S = 0.1
+"""Seconds between two looks at whether the caller wants to stop. Chosen."""
 
 
 _Task = TypeVar("_Task")
@@ -23,7 +24,7 @@ def map_tasks(
     executor: Executor | None,
     tick: Callable[[float], None],
 ) -> list[_Answer]:
-    """Answers to tasks, in their order.
+    """Return the answers to tasks, in their order.
 
     Parameters
     ----------

@@ -15,11 +15,10 @@ from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options, RegistrationOptions
+from stcalib_ros.core.registration.limits import MIN_SUPPORT_RATIO
 from stcalib_ros.core.registration.resampling import Grid, GridTracks, sample_camera
 from stcalib_ros.core.registration.two_view_refinement import refine_pair
 from stcalib_ros.core.registration.voting import register_pair
-
-_WORTH_REFINING = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,10 +28,10 @@ class PairTask:
     Attributes
     ----------
     a, b : int
-        Indices of the cameras, for the record.
+        Indices of the cameras, as the hypotheses carry them.
     cameras : (LiftedCamera, LiftedCamera)
     grids : (GridTracks, GridTracks)
-        Of the same cameras.
+        Resampled tracks of these cameras.
     max_lag : int
         Lags are searched within plus and minus this many samples.
     options : RegistrationOptions
@@ -79,9 +78,9 @@ def pair_tasks(
 
 
 def register(task: PairTask) -> tuple[RelativePose, ...]:
-    """Hypotheses on a pair: by bone directions, and those refined on key points beside them."""
+    """Return the hypotheses on a pair: by bone directions, and the refined ones as well."""
     found = register_pair(0, 1, *task.grids, task.max_lag, task.options)
-    worth = [h for h in found if h.support >= _WORTH_REFINING * found[0].support]
+    worth = [h for h in found if h.support >= MIN_SUPPORT_RATIO * found[0].support]
     refined = (
         refine_pair(task.cameras, h, synchronised=task.synchronised)
         for h in worth[: task.options.n_refined]

@@ -1,6 +1,6 @@
-"""How far a registration by 3D poses may be off, measured on the poses themselves.
+"""Uncertainty of a registration by 3D poses, measured on the poses themselves.
 
-Two things say so. Poses that turn the two cameras differently, from person to person and from
+There are two parts. Poses that turn the two cameras differently, from person to person and from
 time to time, have errors of their own in each frame. Poses that do not project onto the key
 points of their own image have errors that stay: what is off across the optical axis will be off
 along it as well. Exact poses show neither.
@@ -11,19 +11,20 @@ from __future__ import annotations
 import numpy as np
 
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.lifting.limits import MIN_JOINTS
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.relative_pose import RelativePose
+from stcalib_ros.core.registration.limits import (
+    DIRECTION_RATIO,
+    MAX_ROTATION_STDDEV,
+    SCATTER_FACTOR,
+)
 
-_MAX_ROTATION = 0.1
-_DIRECTION = 2.0
-"""Deviation of the direction of t over that of the rotation: it hangs on depths as well."""
 _BLOCKS = 8
-"""Stretches of a track that count as independent."""
-_SCATTER = 2.0
-"""They are not quite: neighbours share slow errors of the poses."""
+"""Stretches of a track that count as independent samples of the errors of its poses. Numerical."""
 _MAX_FRAMES = 100
-_MIN_JOINTS = 6
+"""Frames of a track that are compared, at most. Numerical: bounds the cost."""
 
 
 def registration_stddev(
@@ -35,7 +36,7 @@ def registration_stddev(
     ----------
     cam_a, cam_b : LiftedCamera
     h : RelativePose
-        By bone directions and positions of bodies, without refinement.
+        Registration by bone directions and body positions, not refined.
     """
     torques: list[Float64Array] = []
     inertia = np.zeros((3, 3))
@@ -56,20 +57,20 @@ def registration_stddev(
         inertia += (body_b**2).sum() * np.eye(3) - np.einsum("fja,fjb->ab", body_b, body_b)
         misfits += [_misfit(track_a), _misfit(_thinned(track_b))]
     if len(torques) < 2:
-        return _MAX_ROTATION, _DIRECTION * _MAX_ROTATION
+        return MAX_ROTATION_STDDEV, DIRECTION_RATIO * MAX_ROTATION_STDDEV
     by_poses = _rotation_error(np.array(torques), inertia)
-    rotation = min(_MAX_ROTATION, float(np.hypot(by_poses, np.nanmean(misfits))))
-    return rotation, _DIRECTION * rotation
+    rotation = min(MAX_ROTATION_STDDEV, float(np.hypot(by_poses, np.nanmean(misfits))))
+    return rotation, DIRECTION_RATIO * rotation
 
 
 def _thinned(track: LiftedTrack) -> LiftedTrack:
     return track[:: -(-len(track.frames) // _MAX_FRAMES)]
 
 
-def _centred(joints_a: Float64Array, joints_b: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Joints that both views know, from the middle of them; zero where unknown."""
+def _centred(joints_a: FloatArray, joints_b: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Joints that both views know, relative to their centre; zero where unknown."""
     both: BoolArray = np.asarray(np.isfinite(joints_a + joints_b).all(-1))
-    rows = both.sum(-1) >= _MIN_JOINTS
+    rows = both.sum(-1) >= MIN_JOINTS
     known = both[rows, :, None]
     n = known.sum(1, keepdims=True)
     bodies = (np.where(known, one[rows], 0.0) for one in (joints_a, joints_b))
@@ -78,20 +79,22 @@ def _centred(joints_a: Float64Array, joints_b: Float64Array) -> tuple[Float64Arr
 
 
 def _misfit(track: LiftedTrack) -> float:
-    """Distance of projected joints from their key points, over the size of the body (rad)."""
+    """Distance of projected joints from their keypoints, over the size of the body (rad)."""
     joints = track.joints_cam
     depth = joints[..., 2:]
-    away = np.linalg.norm(joints[..., :2] - track.x * depth, axis=-1)
-    seen = np.isfinite(away)
-    if not seen.any():
+    distance = np.linalg.norm(joints[..., :2] - track.x * depth, axis=-1)
+    observed = np.isfinite(distance)
+    if not observed.any():
         return float("nan")
-    apart = joints - np.nanmean(np.where(seen[..., None], joints, np.nan), axis=1, keepdims=True)
-    return float(np.median(away[seen]) / np.sqrt((apart[seen] ** 2).sum(-1).mean()))
+    centred = joints - np.nanmean(
+        np.where(observed[..., None], joints, np.nan), axis=1, keepdims=True
+    )
+    return float(np.median(distance[observed]) / np.sqrt((centred[observed] ** 2).sum(-1).mean()))
 
 
 def _rotation_error(torques: Float64Array, inertia: Float64Array) -> float:
-    """How far the rotation may be off, by mean and scatter of the torques (K, 3) of blocks."""
+    """Standard deviation of the rotation, by mean and scatter of the torques (K, 3) of blocks."""
     K = len(torques)
     turns = np.linalg.solve(inertia, torques.T).T
-    scatter = _SCATTER**2 * K * turns.var(0, ddof=1)
+    scatter = SCATTER_FACTOR**2 * K * turns.var(0, ddof=1)
     return float(np.sqrt((scatter + turns.sum(0) ** 2).sum()))

@@ -1,4 +1,4 @@
-"""Tracks sampled on one uniform grid of times: the form in which two cameras are compared."""
+"""Tracks resampled to uniform times: the form in which two cameras are compared."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import numpy as np
 
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array
+from stcalib_ros.core.model.keypoint_layouts import TRUNK_JOINTS
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.skeleton import Skeleton
+from stcalib_ros.core.registration.limits import MIN_BONE_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,20 +66,20 @@ class GridTracks:
     @property
     def weight(self) -> Float32Array:
         """Weights (P, N, D): square root of the bone's length; 0 where unknown."""
-        o = self.oriented
-        return np.asarray(np.sqrt(o[..., 0] ** 2 + o[..., 1] ** 2 + o[..., 2] ** 2))
+        v = self.oriented
+        return np.asarray(np.sqrt(v[..., 0] ** 2 + v[..., 1] ** 2 + v[..., 2] ** 2))
 
     @property
     def present(self) -> BoolArray:
-        """Where a track was seen, (P, N)."""
-        seen: BoolArray = np.isfinite(self.position[..., 0])
-        return seen
+        """Samples (P, N) at which a track is observed."""
+        observed: BoolArray = np.isfinite(self.position[..., 0])
+        return observed
 
 
 def sample_camera(
     camera: LiftedCamera, skeleton: Skeleton, *, start: float, step: float, n: int
 ) -> GridTracks:
-    """Sample the tracks of a camera at ``start + step * k`` by linear interpolation."""
+    """Resample the tracks of a camera at ``start + step * k`` by linear interpolation."""
     period = frame_period(camera.stamps)
     times: Float64Array = start + step * np.arange(n, dtype=np.float64)
     paths = (
@@ -96,7 +98,7 @@ def tracks_on_grid(
     step: float,
     n: int,
 ) -> GridTracks:
-    """Tracks whose joints (n, J, 3) are known on the grid; NaN where they are not."""
+    """Return tracks from their joints (n, J, 3) on the grid; NaN where they are unknown."""
     D = len(skeleton.directions)
     tracks = [_oriented(path, skeleton) for path in paths]
     oriented = np.zeros((len(tracks), n, D, 3), np.float32)
@@ -111,24 +113,21 @@ def _oriented(joints: Float64Array, skeleton: Skeleton) -> tuple[Float64Array, F
     bones = np.einsum("dj,njk->ndk", skeleton.directions, np.nan_to_num(joints))
     missing = np.einsum("dj,nj->nd", skeleton.directions != 0, np.isnan(joints[..., 0]))
     length = np.linalg.norm(bones, axis=-1)
-    known = (missing == 0) & (length > 1e-6)
+    known = (missing == 0) & (length > MIN_BONE_M)
     typical = np.sqrt([np.median(length[k, d]) if k.any() else 0.0 for d, k in enumerate(known.T)])
-    share = known * typical / np.maximum(length, 1e-6)
-    return bones * share[..., None], joints_centre(joints, skeleton)
+    factor = known * typical / np.maximum(length, 1e-6)
+    return bones * factor[..., None], joints_centre(joints, skeleton)
 
 
 def joints_centre(joints: Float64Array, skeleton: Skeleton) -> Float64Array:
-    """Middle of the body (..., 3): mean of hips and shoulders, of all joints in other layouts."""
+    """Return the middle of the body (..., 3): mean of hips and shoulders, or of all joints."""
     names = skeleton.layout.joint_names
-    trunk = [names.index(n) for n in _TRUNK if n in names] or list(range(len(names)))
+    trunk = [names.index(n) for n in TRUNK_JOINTS if n in names] or list(range(len(names)))
     return np.asarray(joints[..., trunk, :].mean(-2))
 
 
-_TRUNK = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
-
-
 def common_step(cameras: Sequence[LiftedCamera]) -> float:
-    """Step of the grid: the median of the frame periods, the longer of two in the middle.
+    """Return the step of the grid, seconds: the upper median of the frame periods.
 
     A finer one would leave most of its samples to one fast camera alone.
     """

@@ -1,7 +1,7 @@
 """Voting for the rotation, lag and matches of a pair of cameras (Sections III-B to III-D).
 
-Every pair of tracks at every lag proposes a rotation; the proposals that other tracks agree
-with survive, several of them, since look-alike motion can only be told apart later, in the
+Every pair of tracks at every lag proposes a rotation; the proposals that other tracks agree with
+survive. Several are kept, since similar motions of different people can be resolved only in the
 multi-view problem.
 """
 
@@ -17,15 +17,21 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.options import RegistrationOptions
 from stcalib_ros.core.registration.correlation import PairCovariance, cross_covariance
+from stcalib_ros.core.registration.limits import (
+    BODY_SIZE_RATIO,
+    MAX_POSITION_DIFFERENCE,
+    SAME_LAG,
+    SAME_ROTATION,
+    VOTE_THRESHOLDS,
+)
 from stcalib_ros.core.registration.resampling import GridTracks
 
-_THRESHOLDS = (0.8, 0.7, 0.6, 0.5)
-_SAME_ROTATION = 0.15
-_SAME_LAG = 3
 _LAG_REFIT = 4
-_POSITION_TOLERANCE = 0.35
-_BODY_SIZE_RANGE = 1.25
+"""Samples around the lag of a proposal that are tried after a vote. Numerical: bounds the cost."""
 _MAX_MEDIAN_SAMPLES = 96
+"""Samples of a match by which its translation is measured, at most. Numerical: bounds the cost."""
+_BLOCK_VALUES = 4_000_000
+"""Numbers of cross-covariances that are gathered at once (32 MB). Numerical: bounds the memory."""
 
 
 def register_pair(
@@ -34,28 +40,28 @@ def register_pair(
     tracks_a: GridTracks,
     tracks_b: GridTracks,
     max_lag: int,
-    o: RegistrationOptions,
+    options: RegistrationOptions,
     *,
-    thresholds: Sequence[float] = _THRESHOLDS,
+    thresholds: Sequence[float] = VOTE_THRESHOLDS,
 ) -> tuple[RelativePose, ...]:
     """Hypotheses on a pair of cameras, best first; none where no tracks agree at any lag.
 
     Parameters
     ----------
     a, b : int
-        Indices of the cameras, for the record.
+        Indices of the cameras, as the hypotheses carry them.
     tracks_a, tracks_b : GridTracks
         On grids of the same step and start.
     max_lag : int
         Lags are searched within plus and minus this many samples.
-    o : RegistrationOptions
+    options : RegistrationOptions
     thresholds : sequence of float
-        How well bones have to agree; the next one is for where nothing does so by the one before.
+        Agreement of bones that is needed; the next one is used where nothing reaches the last.
     """
     if not len(tracks_a.position) or not len(tracks_b.position):
         return ()
     covariance = cross_covariance(tracks_a, tracks_b, max_lag=max_lag)
-    vote = _Vote(covariance, tracks_a, tracks_b, o, thresholds)
+    vote = _Vote(covariance, tracks_a, tracks_b, options, thresholds)
     if not len(vote.candidates):
         return ()
     found = []
@@ -76,12 +82,12 @@ class _Vote:
         cov: PairCovariance,
         a: GridTracks,
         b: GridTracks,
-        o: RegistrationOptions,
+        options: RegistrationOptions,
         thresholds: Sequence[float],
     ) -> None:
-        self.cov, self.a, self.b, self.options = cov, a, b, o
-        self.usable = cov.overlap >= o.min_overlap
-        self.conflict = _conflicts(a.present, b.present)
+        self.cov, self.a, self.b, self.options = cov, a, b, options
+        self.usable = cov.overlap >= options.min_overlap
+        self.overlap_a, self.overlap_b = _simultaneous(a.present), _simultaneous(b.present)
         self.threshold, self.candidates = self._candidates(thresholds)
 
     def _candidates(self, thresholds: Sequence[float]) -> tuple[float, IntArray]:
@@ -98,11 +104,20 @@ class _Vote:
 
     def gains(self, R: Float64Array, lag: IntArray) -> Float64Array:
         """Support (K, P, Q) of all track pairs for rotations (K, 3, 3) at lags (K,)."""
-        S, mass = self.cov.S[:, :, lag], self.cov.mass[:, :, lag]
-        agreement = np.einsum("kij,pqkij->kpq", R, S, optimize=True)
-        mass = mass.transpose(2, 0, 1)
-        usable = self.usable[:, :, lag].transpose(2, 0, 1)
-        return np.where(usable, agreement - self.threshold * mass, -np.inf)
+        out = np.empty((len(R), *self.usable.shape[:2]))
+        for block in self._blocks(len(R)):
+            at = lag[block]
+            agreement = np.einsum("kij,pqkij->kpq", R[block], self.cov.S[:, :, at], optimize=True)
+            mass = self.cov.mass[:, :, at].transpose(2, 0, 1)
+            usable = self.usable[:, :, at].transpose(2, 0, 1)
+            out[block] = np.where(usable, agreement - self.threshold * mass, -np.inf)
+        return out
+
+    def _blocks(self, n: int) -> list[slice]:
+        """Proposals 0..n-1 in blocks whose covariances (P, Q, block, 3, 3) fit into memory."""
+        P, Q = self.usable.shape[:2]
+        size = max(1, _BLOCK_VALUES // (9 * P * Q))
+        return [slice(begin, begin + size) for begin in range(0, n, size)]
 
     def distinct_winners(self) -> list[tuple[Float64Array, int]]:
         """Rotations and lag indices after two rounds of vote and refit, best first."""
@@ -116,7 +131,7 @@ class _Vote:
         kept: list[int] = []
         for k in np.argsort(-support, kind="stable"):
             angles = rotation_angle(R[kept] @ R[k].T)
-            near = (angles < _SAME_ROTATION) & (np.abs(lag[kept] - lag[k]) <= _SAME_LAG)
+            near = (angles < SAME_ROTATION) & (np.abs(lag[kept] - lag[k]) <= SAME_LAG)
             if support[k] > 0 and not near.any():
                 kept.append(int(k))
             if len(kept) == self.options.n_hypotheses:
@@ -125,7 +140,11 @@ class _Vote:
 
     def _assign(self, R: Float64Array, lag: IntArray) -> BoolArray:
         gain = self.gains(R, lag)
-        return _greedy(gain.reshape(len(R), -1), self.conflict).reshape(gain.shape)
+        pairs = np.argwhere((gain > 0).any(0))
+        p, q = pairs.T
+        chosen = np.zeros(gain.shape, dtype=bool)
+        chosen[:, p, q] = _greedy(gain[:, p, q], pairs, self.overlap_a, self.overlap_b)
+        return chosen
 
     def _refit(
         self, chosen: BoolArray, R: Float64Array, lag: IntArray
@@ -134,8 +153,11 @@ class _Vote:
         nearby = np.clip(lag + np.arange(-_LAG_REFIT, _LAG_REFIT + 1)[:, None], 0, None)
         nearby = np.minimum(nearby, len(self.cov.lags) - 1)
         pick = chosen.astype(float)
-        S = np.stack([np.einsum("kpq,pqkij->kij", pick, self.cov.S[:, :, at]) for at in nearby])
-        mass = np.stack([np.einsum("kpq,pqk->k", pick, self.cov.mass[:, :, at]) for at in nearby])
+        S, mass = np.empty((*nearby.shape, 3, 3)), np.empty(nearby.shape)
+        for block in self._blocks(len(R)):
+            for n, at in enumerate(nearby[:, block]):
+                S[n, block] = np.einsum("kpq,pqkij->kij", pick[block], self.cov.S[:, :, at])
+                mass[n, block] = np.einsum("kpq,pqk->k", pick[block], self.cov.mass[:, :, at])
         value = best_rotation_trace(S) - self.threshold * mass
         best = value.argmax(0)
         k = np.arange(len(R))
@@ -146,17 +168,16 @@ class _Vote:
     def consensus(
         self, R: Float64Array, lag: int
     ) -> tuple[tuple[tuple[int, int], ...], Float64Array, Float64Array, float]:
-        """Matches whose positions agree on one translation: tells look-alikes apart."""
+        """Return the matches whose positions agree on one translation: no look-alikes."""
         gain = self.gains(R[None], np.array([lag]))[0]
         pairs = np.argwhere(gain > 0)
         if not len(pairs):
             return (), R, np.zeros(3), 0.0
         t = self._translations(R, int(self.cov.lags[lag]), pairs)
-        agree = _apart(t) < _POSITION_TOLERANCE
+        agree = _translation_distance(t) < MAX_POSITION_DIFFERENCE
         strength = gain[tuple(pairs.T)]
-        flat = np.ravel_multi_index(tuple(pairs.T), gain.shape)
         votes = np.where(agree, strength, -np.inf)
-        chosen = _greedy(votes, self.conflict[np.ix_(flat, flat)])
+        chosen = _greedy(votes, pairs, self.overlap_a, self.overlap_b)
         best = int(np.where(chosen, strength, 0.0).sum(-1).argmax())
         rows = np.flatnonzero(chosen[best])
         if not len(rows):
@@ -183,14 +204,14 @@ class _Vote:
         return t
 
 
-def _apart(t: Float64Array) -> Float64Array:
-    """Distances (M, M) of translations, as close as people of other sizes may bring them.
+def _translation_distance(t: Float64Array) -> Float64Array:
+    """Return distances (M, M) of translations, least over the possible sizes of the people.
 
-    A lifter that takes a person for larger than he is puts him further away in every view,
-    and so stretches the translation that follows from him.
+    A lifter that overestimates the size of a person overestimates their distance in every view,
+    and so the length of the translation that follows from them.
     """
     square = np.maximum((t**2).sum(-1), 1e-12)
-    stretch = np.clip((t @ t.T) / square[None], 1 / _BODY_SIZE_RANGE, _BODY_SIZE_RANGE)
+    stretch = np.clip((t @ t.T) / square[None], 1 / BODY_SIZE_RATIO, BODY_SIZE_RATIO)
     one_way = np.linalg.norm(t[:, None] - stretch[..., None] * t[None], axis=-1)
     return np.asarray(np.minimum(one_way, one_way.T))
 
@@ -201,30 +222,45 @@ def _local_maxima(score: Float64Array) -> BoolArray:
     return np.asarray((score >= padded[..., :-2]) & (score >= padded[..., 2:]))
 
 
-def _conflicts(present_a: BoolArray, present_b: BoolArray) -> BoolArray:
-    """Which track pairs exclude one another: one track cannot be two people at one time."""
-    share_a = _shared(present_a) > 0
-    share_b = _shared(present_b) > 0
-    P, Q = len(share_a), len(share_b)
-    same_p = np.eye(P, dtype=bool)[:, None, :, None] & share_b[None, :, None, :]
-    same_q = np.eye(Q, dtype=bool)[None, :, None, :] & share_a[:, None, :, None]
-    return np.asarray((same_p | same_q).reshape(P * Q, P * Q))
+def _simultaneous(present: BoolArray) -> BoolArray:
+    """Pairs of tracks (P, P) of one camera that have a sample of the grid (P, N) in common."""
+    observed = present.astype(np.float32)
+    return np.asarray(observed @ observed.T > 0)
 
 
-def _shared(present: BoolArray) -> Float64Array:
-    seen = present.astype(np.float32)
-    return np.asarray(seen @ seen.T)
+def _greedy(
+    gain: Float64Array, pairs: IntArray, overlap_a: BoolArray, overlap_b: BoolArray
+) -> BoolArray:
+    """Greedy choice of compatible track pairs with positive gain, for every row at once.
 
+    A track cannot be two people at one time: (p, q) excludes (p, q') if q and q' overlap in time,
+    and (p', q) if p and p' do.
 
-def _greedy(gain: Float64Array, conflict: BoolArray) -> BoolArray:
-    """Greedy choice of compatible columns with positive gain, for every row at once."""
+    Parameters
+    ----------
+    gain : (K, M) ndarray
+    pairs : (M, 2) ndarray of int
+        Track of a and track of b of each column.
+    overlap_a, overlap_b : (P, P) and (Q, Q) ndarray of bool
+        Tracks of each camera that overlap in time.
+
+    Returns
+    -------
+    (K, M) ndarray of bool
+    """
     left = gain.copy()
     chosen = np.zeros(gain.shape, dtype=bool)
     rows = np.arange(len(gain))
-    while True:
+    p, q = np.ascontiguousarray(pairs.T)
+    while len(pairs):
         best = left.argmax(-1)
         wins = left[rows, best] > 0
         if not wins.any():
-            return chosen
-        chosen[rows[wins], best[wins]] = True
-        left[wins] = np.where(conflict[best[wins]], -np.inf, left[wins])
+            break
+        k, pick = rows[wins], best[wins]
+        chosen[k, pick] = True
+        here, there = p[pick], q[pick]
+        excluded = (p == here[:, None]) & overlap_b[there][:, q]
+        excluded |= (q == there[:, None]) & overlap_a[here][:, p]
+        left[k] = np.where(excluded, -np.inf, left[k])
+    return chosen

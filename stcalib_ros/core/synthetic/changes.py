@@ -1,4 +1,4 @@
-"""What happens to a camera while it records: somebody turns or moves it, or its clock jumps."""
+"""Changes of a camera while it records: it is rotated or moved, or its clock jumps."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class CameraChange:
     camera : int
         Index into the rig.
     at_s : float
-        By the reference clock, seconds since the epoch.
+        Time by the reference clock, seconds since the epoch.
     turn_rad : (float, float, float)
-        Rotation vector by which the camera turns, in its optical frame.
+        Rotation vector of the camera in its optical frame.
     shift_m : (float, float, float)
-        By which its centre moves, in its optical frame before the turn.
+        Displacement of its centre, in its optical frame before the rotation.
     clock_s : float
-        What its stamps have more from then on. Images whose stamps would not be later than all
+        Advance of its timestamps from then on. Images whose stamps would not be later than all
         before are lost.
     """
 
@@ -43,7 +43,7 @@ def poses_over_time(
     times: Float64Array,
     changes: Sequence[CameraChange],
 ) -> tuple[Float64Array, Float64Array]:
-    """Poses (T, 3, 3) and (T, 3) of one camera at times of the reference clock."""
+    """Return the poses (T, 3, 3) and (T, 3) of one camera at times of the reference clock."""
     R, t = np.tile(R_cam_world, (len(times), 1, 1)), np.tile(t_cam_world, (len(times), 1))
     for change in changes:
         after = times >= change.at_s
@@ -56,7 +56,7 @@ def poses_over_time(
 def stamps_over_time(
     stamps: Float64Array, times: Float64Array, changes: Sequence[CameraChange]
 ) -> Float64Array:
-    """Stamps (T,) of images taken at times of the reference clock; NaN where an image is lost."""
+    """Return the timestamps (T,) of images taken at reference times; NaN where one is lost."""
     out = np.array(stamps)
     for change in changes:
         out[times >= change.at_s] += change.clock_s

@@ -12,7 +12,9 @@ from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.synthetic.skeleton import N_JOINTS, assemble, body_axes, bones_of
 
 _BLEND_S = 0.5
+"""Seconds over which the end of a clip at one place fades into its beginning. Chosen."""
 _MAX_SPEED = 1.8
+"""Metres per second. Faster locomotion is played more slowly: people of a scene walk. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

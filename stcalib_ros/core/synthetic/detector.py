@@ -1,4 +1,4 @@
-"""Errors of a 2D key point detector."""
+"""Errors of a 2D keypoint detector."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from stcalib_ros.core.synthetic.skeleton import N_JOINTS, body_axes
 
 
 class DetectorBias:
-    """Systematic displacement of the key points of one person, by the direction he is seen from.
+    """View-dependent bias of the keypoints of one person.
 
     In body axes, ``b_j(u) = A_j u + (u^T B_jk u)_k`` with the unit direction u from the body to the
     camera and traceless symmetric B: a polynomial of degree two without a constant part, which
@@ -44,7 +44,7 @@ class DetectorBias:
 
 
 def displaced(joints_cam: Float64Array, bias: DetectorBias) -> Float64Array:
-    """Points (T, 17, 3), optical frame, at which the detector sees the joints."""
+    """Return the points (T, 17, 3), optical frame, at which the detector places the joints."""
     R_body_cam = body_axes(joints_cam)
     root = joints_cam[:, 0]
     toward_camera = -root / np.linalg.norm(root, axis=-1, keepdims=True)

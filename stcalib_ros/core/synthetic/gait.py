@@ -15,6 +15,7 @@ from stcalib_ros.core.synthetic.skeleton import (
 )
 
 _ANKLE_HEIGHT = 0.08
+"""Metres. Height of the ankle of a standing foot above the floor. Chosen, of usual anatomy."""
 _SIDES = (("left", 1.0), ("right", -1.0))
 
 

@@ -12,12 +12,15 @@ from stcalib_ros.core.synthetic.noise import smooth_noise
 from stcalib_ros.core.synthetic.skeleton import N_JOINTS, PARENTS
 
 _INHERITED = 0.8
+"""Fraction of the error of its parent that a joint has as well: errors of lifters are correlated
+along limbs. Chosen."""
 _PARTS = ((0.25, None), (0.5, 0.5), (0.25, 0.06))
+"""Fractions of the variance of joint errors with correlation times, s; None: constant. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class LifterErrors:
-    """How wrong one person's 3D poses from one camera are.
+    """Errors of the 3D poses of one person from one camera.
 
     Attributes
     ----------
@@ -29,7 +32,7 @@ class LifterErrors:
     tilt_rad : float
         Root mean square angle of the slowly varying tilt.
     crop : float
-        Share of the crop-perspective effect, 0..1.
+        Fraction of the crop-perspective effect, 0..1.
     scale : float
         Estimated over true size.
     """
@@ -70,17 +73,17 @@ def lift(
 def joint_errors(
     rng: np.random.Generator, times: Float64Array, mpjpe_m: float, depth_ratio: float
 ) -> Float64Array:
-    """Errors (T, 17, 3), metres, alike in neighbouring joints and frames; the root has none.
+    """Return errors (T, 17, 3), metres, correlated over joints and frames; the root has none.
 
     A quarter of the variance is constant, half changes within a second, a quarter within a tenth.
     """
     shape = (N_JOINTS, 3)
     own = np.zeros((len(times), *shape))
-    for share, tau_s in _PARTS:
+    for fraction, tau_s in _PARTS:
         part = (
             rng.standard_normal(shape) if tau_s is None else smooth_noise(rng, times, shape, tau_s)
         )
-        own = own + np.sqrt(share) * part
+        own = own + np.sqrt(fraction) * part
     error: Float64Array = own * np.array([1.0, 1.0, depth_ratio])
     error[:, 0] = 0.0
     for joint in range(1, N_JOINTS):
@@ -89,17 +92,17 @@ def joint_errors(
     return error * (mpjpe_m / size)
 
 
-def crop_rotation(root_cam: Float64Array, share: float) -> Rotation:
-    """Rotation (T) that turns the bearing of the person to the optical axis, or a share of it.
+def crop_rotation(root_cam: Float64Array, fraction: float) -> Rotation:
+    """Return the rotation (T) from the bearing of the person to the optical axis, or a fraction.
 
-    A lifter that works on a crop believes that the camera looks straight at the person; what it
-    returns is the true pose turned by this.
+    A lifter that works on a crop assumes that the camera looks straight at the person; it returns
+    the true pose rotated by this.
     """
     bearing = root_cam / np.linalg.norm(root_cam, axis=-1, keepdims=True)
     axis = np.cross(bearing, [0.0, 0.0, 1.0])
     sine = np.linalg.norm(axis, axis=-1, keepdims=True)
     angle = np.arctan2(sine, bearing[:, 2:])
-    return Rotation.from_rotvec(share * angle * axis / np.maximum(sine, 1e-12))
+    return Rotation.from_rotvec(fraction * angle * axis / np.maximum(sine, 1e-12))
 
 
 def _tilt(rng: np.random.Generator, times: Float64Array, rms_rad: float) -> Rotation:

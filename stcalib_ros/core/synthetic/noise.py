@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 from stcalib_ros.core.model.arrays import Float64Array
 
 _SAMPLES_PER_TAU = 4
+"""Samples per correlation time of the grid that is interpolated. Numerical."""
 
 
 def child_rng(rng: np.random.Generator) -> np.random.Generator:

@@ -1,4 +1,4 @@
-"""One simulated camera: its clock, its images, and what detector, lifter and tracker report."""
+"""One simulated camera: its clock and the output of detector, lifter and tracker."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.recording import CameraRecording, Track
 from stcalib_ros.core.synthetic import tracking
@@ -16,25 +17,30 @@ from stcalib_ros.core.synthetic.lifter import LifterErrors, lift
 from stcalib_ros.core.synthetic.noise import child_rng
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.people import PersonMotion
-from stcalib_ros.core.synthetic.rigs import SceneRig, image_of
+from stcalib_ros.core.synthetic.rigs import SceneRig
 from stcalib_ros.core.synthetic.shutter import joints_by_row
 from stcalib_ros.core.synthetic.skeleton import LAYOUT, MIRROR
 
 _FLIP_S = (0.05, 0.3)
+"""Seconds, range. Duration of an exchange of left and right. Chosen: a few frames."""
 _BURST_S = (0.2, 0.8)
-_MIN_KEYPOINTS = 6
+"""Seconds, range. Duration of a short loss of a person. Chosen: a passing occlusion."""
+_MAX_JITTER_FRAMES = 0.45
+"""Frames. Largest error of a timestamp, so that their order is kept."""
+MIN_KEYPOINTS = 6
+"""Keypoints in the image, count, from which on a person is detected. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clock:
-    """When a camera looked, and when it says it did.
+    """Times of the images of a camera, by its own clock and by the reference clock.
 
     Attributes
     ----------
     stamps : (N,) ndarray
-        By the camera's clock, seconds since the epoch.
+        Timestamps by the camera's clock, seconds since the epoch.
     exposures_s : (N,) ndarray
-        The same images by the reference clock.
+        Exposure times of these images by the reference clock.
     offset_s, skew : float
         ``t_ref = t_cam + offset_s + skew * t_cam``.
     """
@@ -48,7 +54,7 @@ class Clock:
     def random(
         rng: np.random.Generator, options: SceneOptions, fps: float, *, is_reference: bool
     ) -> Clock:
-        """Clock of one camera of a scene."""
+        """Return a random clock of one camera of a scene."""
         first_fps = options.fps[0] if isinstance(options.fps, tuple) else options.fps
         offset_s, skew = 0.0, 0.0
         drawn = rng.uniform(-1, 1, 2)
@@ -58,13 +64,13 @@ class Clock:
         n = max(2, round(options.n_frames * fps / first_fps))
         nominal = np.arange(n) / fps
         jitter = options.stamp_jitter_s * rng.standard_normal(n)
-        stamps = nominal + np.clip(jitter, -0.45 / fps, 0.45 / fps)
+        stamps = nominal + np.clip(jitter, -_MAX_JITTER_FRAMES / fps, _MAX_JITTER_FRAMES / fps)
         kept = rng.uniform(size=n) >= options.drop_rate
         kept[[0, -1]] = True
         return Clock(stamps[kept], (nominal + offset_s + skew * nominal)[kept], offset_s, skew)
 
     def changed(self, changes: Sequence[CameraChange]) -> Clock:
-        """The clock with its jumps; offset and skew stay those from before."""
+        """Return the clock with its jumps; offset and skew stay those from before."""
         stamps = stamps_over_time(self.stamps, self.exposures_s, changes)
         kept = np.isfinite(stamps)
         return Clock(stamps[kept], self.exposures_s[kept], self.offset_s, self.skew)
@@ -72,7 +78,7 @@ class Clock:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraObservation:
-    """What one camera saw, and the truth about it.
+    """Recording of one simulated camera with its truth.
 
     Attributes
     ----------
@@ -80,9 +86,9 @@ class CameraObservation:
     track_persons : mapping of int to (F,) ndarray
         Per track id, the true person in each of its frames.
     n_keypoints : int
-        Key points seen.
+        Number of observed keypoints.
     noise_square_px2 : float
-        Sum over them of the squared distance from the projections of the true joints.
+        Sum of their squared distances from the projections of the true joints.
     """
 
     camera: CameraRecording
@@ -106,29 +112,29 @@ def observe(
     Parameters
     ----------
     rng : Generator
-        Of this camera.
+        Source of the errors of this camera.
     people_seed : (n,) ndarray of int
         Seed of the errors that the cameras have in common: detector bias and size prior.
     options : SceneOptions
-    rig : Rig
+    rig : SceneRig
     camera : int
         Index into the rig.
     clock : Clock
     people : sequence of PersonMotion
     changes : sequence of CameraChange
-        Of this camera; those of its clock are in `clock` already.
+        Changes of this camera; those of its clock are in `clock` already.
     """
     lens, times = rig.intrinsics[camera], clock.exposures_s
     R, t = poses_over_time(rig.R_cam_world[camera], rig.t_cam_world[camera], times, changes)
     line_s = options.line_times(len(rig.names))[camera]
     truth = np.stack([joints_by_row(p, times, R, t, lens, line_s) for p in people], axis=1)
-    exact = image_of(truth, lens)
+    exact = project_visible(truth, lens)
     keypoints, joints = np.empty_like(exact), np.empty_like(truth)
     draws = [child_rng(rng) for _ in people]
     for p, own in enumerate(draws):
         common = np.random.default_rng([*people_seed, 1_000 + p])
         seen_at = displaced(truth[:, p], DetectorBias(common, 1e-3 * options.keypoint_bias_mm))
-        keypoints[:, p] = image_of(seen_at, lens)
+        keypoints[:, p] = project_visible(seen_at, lens)
         joints[:, p] = lift(own, times, truth[:, p], _lifter(own, common, options))
     keypoints += options.sigma_px * rng.standard_normal(keypoints.shape)
     visible = _visible(child_rng(rng), options, times, truth, keypoints)
@@ -169,9 +175,9 @@ def _visible(
     truth: Float64Array,
     keypoints: Float64Array,
 ) -> BoolArray:
-    """Who is detected when (T, P)."""
+    """Return who is detected when (T, P)."""
     n = keypoints.shape[1]
-    visible = np.isfinite(keypoints[..., 0]).sum(axis=-1) >= _MIN_KEYPOINTS
+    visible = np.isfinite(keypoints[..., 0]).sum(axis=-1) >= MIN_KEYPOINTS
     visible &= ~tracking.missing_stretches(child_rng(rng), times, n, options.missing)
     visible &= ~tracking.bursts(child_rng(rng), times, n, options.bursts_per_10s / 10, _BURST_S)
     if options.occlusions:
@@ -196,12 +202,12 @@ def _flip(
 def make_tracks(
     ids: IntArray, keypoints: Float64Array, joints: Float64Array, scores: Float64Array
 ) -> tuple[tuple[Track, ...], dict[int, IntArray]]:
-    """Tracks and true persons of each, from the track id of every person in every frame.
+    """Make tracks, with the true persons of each, from the track id of every person in every frame.
 
     Parameters
     ----------
     ids : (T, P) ndarray of int
-        -1 where the person is not seen; an id without frames has an empty track.
+        -1 where the person is not observed; an id without frames has an empty track.
     keypoints : (T, P, J, 2) ndarray
     joints : (T, P, J, 3) ndarray
     scores : (T, P, J) ndarray

@@ -1,4 +1,4 @@
-"""What can be set about a simulated scene."""
+"""Options of a simulated scene."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ class SceneOptions:
     focal_px : float
     ring_radius_m, ring_height_m : (float, float)
         Ranges of the distances of cameras from the middle, and of their heights.
-    rig : Rig or None
-        Given cameras instead of a ring.
+    rig : SceneRig or None
+        Cameras to be used instead of a ring.
     rig_scale : float
-        Enlarges a given rig.
+        Factor of the distances between the cameras of `rig`.
     max_offset_frames : float
-        Clock offsets are uniform within plus and minus this, in frames of the first camera;
-        the first camera has none.
+        Range of the uniform time offsets, plus and minus, in frames of the first camera; the first
+        camera has none.
     skew_ppm : float
-        Clock rates are wrong by up to this, uniformly; the first camera's is right.
+        Range of the uniform clock skews, plus and minus; the first camera has none.
     stamp_jitter_s : float
         Standard deviation of stamps about the true times of exposure, cut at 0.45 frames.
     drop_rate : float
-        Share of images that a camera loses.
+        Fraction of images that a camera loses.
     line_time_s : float or tuple of float
-        Of rolling shutters, seconds per row; one for all, or one per camera. The recording does
-        not tell it.
+        Line delay of rolling shutters, seconds per row; one for all, or one per camera. It is not
+        part of the recording.
     sigma_px : float
-        Noise of key points, per axis.
+        Standard deviation of the noise of keypoints, per axis.
     keypoint_bias_mm : float
-        Root mean square, per axis, of the view-dependent displacement of key points (see
+        Root mean square, per axis, of the view-dependent displacement of keypoints (see
         `DetectorBias`).
     lifter_mm : (float, float)
         Range of the mean joint error (MPJPE) of the 3D poses, per person and camera.
@@ -60,15 +60,15 @@ class SceneOptions:
     tilt_deg : float
         Root mean square of the slow tilt of 3D poses, per person and camera.
     crop_perspective : float
-        Share of the error of a lifter that believes to be looking straight at the person.
+        Fraction of the error of a lifter that assumes to look straight at the person.
     scale_error : float
         Standard deviation of the 3D size of a person (the lifter's prior).
     flip_rate : float
-        Share of the frames in which left and right are exchanged, 2D and 3D.
+        Fraction of the frames in which left and right are exchanged, 2D and 3D.
     missing : float
-        Share of the person-frames of a view in which the person is not detected, in stretches.
+        Fraction of the person-frames of a view in which the person is not detected, in stretches.
     occlusions : bool
-        People covered by somebody nearer are not seen.
+        People covered by somebody nearer are not observed.
     bursts_per_10s : float
         Short losses (0.2-0.8 s) per person and camera.
     id_switches_per_10s : float
@@ -112,10 +112,10 @@ class SceneOptions:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= low):
                 raise InputError(f"{name} must be at least {low}, got {value}")
-        for name in _SHARES:
+        for name in _FRACTIONS:
             value = getattr(self, name)
             if not 0 <= value < 1 and not (name == "crop_perspective" and value == 1):
-                raise InputError(f"{name} must be a share between 0 and 1, got {value}")
+                raise InputError(f"{name} must be a fraction between 0 and 1, got {value}")
         for name in ("ring_radius_m", "ring_height_m", "lifter_mm", "image_size"):
             values = getattr(self, name)
             if len(values) != 2 or not (np.isfinite(values).all() and min(values) >= 0):
@@ -166,4 +166,4 @@ _AT_LEAST = {
     "rig_scale": 0,
     "area_radius_m": 0,
 }
-_SHARES = ("drop_rate", "crop_perspective", "flip_rate", "missing")
+_FRACTIONS = ("drop_rate", "crop_perspective", "flip_rate", "missing")

@@ -7,18 +7,22 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.noise import child_rng
-from stcalib_ros.core.synthetic.observe import CameraObservation, Clock, make_tracks
+from stcalib_ros.core.synthetic.observe import (
+    MIN_KEYPOINTS,
+    CameraObservation,
+    Clock,
+    make_tracks,
+)
 from stcalib_ros.core.synthetic.options import SceneOptions
 from stcalib_ros.core.synthetic.people import PersonMotion, make_people
-from stcalib_ros.core.synthetic.rigs import SceneRig, image_of
+from stcalib_ros.core.synthetic.rigs import SceneRig
 from stcalib_ros.core.synthetic.scene import EPOCH_NS, Scene, make_rig, true_calibration
 from stcalib_ros.core.synthetic.skeleton import LAYOUT
-
-_MIN_KEYPOINTS = 6
 
 
 def paper_scene(
@@ -32,8 +36,8 @@ def paper_scene(
     """Simulate the paper's synthetic observations.
 
     The true joints are moved into the frame of each camera, and Gaussian noise is put on them so
-    that their images are off by ``sigma_px`` per axis. Key points and 3D poses are of the same
-    noisy points, and every person is one track: the paper takes the tracking as known.
+    that their projections have an error of ``sigma_px`` per axis. Keypoints and 3D poses are of the
+    same noisy points, and every person is one track: the paper takes the tracking as known.
 
     Parameters
     ----------
@@ -41,9 +45,9 @@ def paper_scene(
         Cameras, people, frames, frame rate (one for all), ``sigma_px`` and ``seed``; its other
         errors are not simulated.
     offset_frames : float or sequence of float
-        Clock offset of every camera but the first, or of each of these.
+        Time offset of every camera but the first, or of each of these.
     hidden : mapping of int to sequence of int, optional
-        Per camera (index), people that it never sees.
+        People that are never observed, by index of the camera.
     clips : sequence of MotionClip
         Motion capture to compose the people's motion of; without any it is procedural.
     rng : Generator, optional
@@ -99,14 +103,14 @@ def _observe(
     people: Sequence[PersonMotion],
     hidden: Sequence[int],
 ) -> CameraObservation:
-    """One camera: noisy points, their images, and tracks that are the people themselves."""
+    """Simulate one camera: noisy points, their projections, and one track for each person."""
     lens, R, t = rig.intrinsics[camera], rig.R_cam_world[camera], rig.t_cam_world[camera]
     truth = np.stack([person(clock.exposures_s) @ R.T + t for person in people], axis=1)
     focal = float(np.sqrt(lens.K[0, 0] * lens.K[1, 1]))
     metres = options.sigma_px * np.abs(truth[..., 2:]) / focal
     joints = truth + metres * rng.standard_normal(truth.shape)
-    keypoints = image_of(joints, lens)
-    visible = np.isfinite(keypoints[..., 0]).sum(-1) >= _MIN_KEYPOINTS
+    keypoints = project_visible(joints, lens)
+    visible = np.isfinite(keypoints[..., 0]).sum(-1) >= MIN_KEYPOINTS
     visible[:, list(hidden)] = False
     ids = np.where(visible, np.arange(len(people)), -1)
     scores = np.isfinite(keypoints[..., 0]).astype(float)
@@ -115,6 +119,6 @@ def _observe(
     recording = CameraRecording(
         name, f"{name}_optical_frame", lens, LAYOUT, clock.stamps, tracks, metric=True
     )
-    noise = (keypoints - image_of(truth, lens))[visible]
+    noise = (keypoints - project_visible(truth, lens))[visible]
     known = np.isfinite(noise[..., 0])
     return CameraObservation(recording, persons, int(known.sum()), float(np.sum(noise[known] ** 2)))

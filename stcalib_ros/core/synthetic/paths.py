@@ -1,4 +1,4 @@
-"""Ways over the ground: smooth, random, and not through one another."""
+"""Paths over the ground: smooth, random and free of collisions."""
 
 from __future__ import annotations
 
@@ -10,9 +10,15 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.synthetic.noise import smooth_noise
 
 _PERSONAL_M = 0.9
+"""Metres. Distance between people below which they turn away from each other. Chosen."""
+_CLOSE_M = 0.65
+"""Metres. Distance of the closest approach to somebody ahead for which people slow down. Chosen."""
 _MAX_TURN = 2.5
+"""Radians per second. Fastest turn of a walking person. Chosen."""
 _TURN_DELAY_S = 0.25
+"""Seconds. Time constant with which people turn as they intend to. Chosen."""
 _SPEED_DELAY_S = 0.4
+"""Seconds. Time constant with which people reach the intended speed. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +49,7 @@ def random_paths(
     pauses: bool = False,
     turning: float = 1.0,
 ) -> GroundPaths:
-    """Ways of P people around the origin, who keep away from each other and from the border.
+    """Simulate the paths of P people, who keep a distance from each other and from the border.
 
     Parameters
     ----------
@@ -53,7 +59,7 @@ def random_paths(
     speeds : (P,) ndarray
         Preferred speeds, m/s; 0: stays at one place and turns slowly.
     radius : float
-        Of the area, metres.
+        Radius of the area, metres.
     pauses : bool
         People stop and start again now and then.
     turning : float
@@ -83,7 +89,7 @@ def random_paths(
 
 
 def _starting_places(rng: np.random.Generator, n: int, radius: float) -> Float64Array:
-    """Of many random arrangements the one whose closest pair is farthest apart."""
+    """Return the one of many random arrangements with the largest smallest distance."""
     r = 0.85 * radius * np.sqrt(rng.uniform(size=(200, n)))
     a = rng.uniform(-np.pi, np.pi, (200, n))
     places = np.stack([r * np.cos(a), r * np.sin(a)], axis=-1)
@@ -106,7 +112,7 @@ def _steer(
     moving: BoolArray,
     radius: float,
 ) -> tuple[Float64Array, Float64Array]:
-    """Turn rate wanted (P,) rad/s and the factor (P,) by which to slow down."""
+    """Return the intended turn rate (P,), rad/s, and the factor (P,) of the speed."""
     ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     away, closest_s, gap = _closest_approach(xy, speed[:, None] * ahead)
     push = 2.0 * np.exp((_PERSONAL_M - gap) / 0.25 - closest_s)
@@ -119,7 +125,7 @@ def _steer(
     )
     turn = np.where(moving, 3.0 * error + 0.7 * whim, 0.25 * whim)
     in_front = np.einsum("pqc,pc->pq", xy[None] - xy[:, None], ahead) > 0
-    patience = np.where(in_front & (gap < 0.65), closest_s, np.inf).min(axis=1)
+    patience = np.where(in_front & (gap < _CLOSE_M), closest_s, np.inf).min(axis=1)
     slack = np.clip((patience - 0.15) / 0.6, 0.0, 1.0)
     return np.clip(turn, -_MAX_TURN, _MAX_TURN), slack
 
@@ -127,7 +133,7 @@ def _steer(
 def _closest_approach(
     xy: Float64Array, velocity: Float64Array
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """When and how P people will pass each other if nobody turns.
+    """Predict when and how P people pass each other if nobody turns.
 
     Returns
     -------
@@ -138,10 +144,10 @@ def _closest_approach(
     gap : (P, P) ndarray
         Distance then, metres; inf on the diagonal.
     """
-    apart, drift = xy[:, None] - xy[None], velocity[:, None] - velocity[None]
-    closest_s = -np.sum(apart * drift, axis=-1) / (np.sum(drift**2, axis=-1) + 1e-6)
+    offset, drift = xy[:, None] - xy[None], velocity[:, None] - velocity[None]
+    closest_s = -np.sum(offset * drift, axis=-1) / (np.sum(drift**2, axis=-1) + 1e-6)
     closest_s = np.clip(closest_s, 0.0, 2.0)
-    then = apart + closest_s[..., None] * drift
+    then = offset + closest_s[..., None] * drift
     gap = np.linalg.norm(then, axis=-1)
     away = then / (gap + 1e-9)[..., None]
     np.fill_diagonal(gap, np.inf)

@@ -16,7 +16,9 @@ from stcalib_ros.core.synthetic.paths import GroundPaths, random_paths
 from stcalib_ros.core.synthetic.skeleton import N_JOINTS, individual_lengths
 
 _SAMPLES_PER_S = 60
-_LOCOMOTION_SHARE = 0.4
+"""Samples per second of the motion that is interpolated by splines. Numerical."""
+_LOCOMOTION_FRACTION = 0.4
+"""Fraction of the people of "mocap" scenes that walk; the others move at one place. Chosen."""
 
 PEOPLE = ("mocap", "procedural", "standing", "gesturing", "alike")
 """Kinds of motion there are."""
@@ -29,7 +31,7 @@ class PersonMotion:
     Attributes
     ----------
     spline : CubicSpline
-        Twice continuously differentiable joints over reference time.
+        Joints over reference time, twice continuously differentiable.
     lengths : (17,) ndarray
         Bone lengths, metres.
     """
@@ -50,7 +52,7 @@ def make_people(
     radius: float,
     clips: Sequence[MotionClip],
 ) -> tuple[PersonMotion, ...]:
-    """People of one kind of motion, over a span of time.
+    """Make people of one kind of motion, over a span of time.
 
     Parameters
     ----------
@@ -59,9 +61,9 @@ def make_people(
         One of `PEOPLE`; "mocap" without clips is "procedural".
     n_people : int
     span_s : (float, float)
-        First and last time that will be asked for.
+        First and last time needed.
     radius : float
-        Of the area they move in, metres.
+        Radius of the area they move in, metres.
     clips : sequence of MotionClip
     """
     n = int(np.ceil((span_s[1] - span_s[0]) * _SAMPLES_PER_S)) + 12
@@ -82,7 +84,7 @@ def make_people(
 
 
 def _alike(people: Sequence[PersonMotion], times: Float64Array) -> tuple[PersonMotion, ...]:
-    """All move as the first one does, each from where he begins."""
+    """Move everybody as the first one, each from their own start."""
     first = people[0](times)
     begin = [person(times[:1])[0, 0] * [1.0, 1.0, 0.0] for person in people]
     moved = [(first + place - begin[0]).reshape(len(times), -1) for place in begin]
@@ -98,7 +100,7 @@ def _body(
         return ProceduralMotion(rng, speed=0.0, liveliness=1.0)
     if kind in ("procedural", "alike") or not clips:
         return ProceduralMotion(rng, speed=rng.uniform(0.7, 1.3), liveliness=rng.uniform(0.1, 0.4))
-    wanted = rng.uniform() < _LOCOMOTION_SHARE
+    wanted = rng.uniform() < _LOCOMOTION_FRACTION
     pool = [c for c in clips if c.locomotion == wanted] or list(clips)
     return CyclicClip(pool[rng.integers(len(pool))], rng)
 

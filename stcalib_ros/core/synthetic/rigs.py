@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.geometry.lens import project
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 
 _HIP_HEIGHT = 0.95
-_NEAR = 0.05
+"""Metres. Height of the hips of an adult, at which the cameras of a ring look."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +60,7 @@ def ring_rig(
     radius_m: tuple[float, float],
     height_m: tuple[float, float],
 ) -> SceneRig:
-    """Cameras around the origin that look at its surroundings; z is up, the floor at 0."""
+    """Place cameras around the origin that look at its surroundings; z is up, the floor at 0."""
     even = np.arange(n_cameras) / n_cameras
     angle = 2 * np.pi * (even + rng.uniform() + rng.uniform(-0.25, 0.25, n_cameras) / n_cameras)
     radius, height = rng.uniform(*radius_m, n_cameras), rng.uniform(*height_m, n_cameras)
@@ -80,16 +79,16 @@ def ring_rig(
 
 
 def staged(rig: SceneRig, *, scale: float = 1.0) -> SceneRig:
-    """Put a given rig in a world with z up and its origin on the floor amid the views.
+    """Place a given rig in a world with z up and its origin on the floor amid the views.
 
     The middle is the point nearest to all optical axes, taken as hip height; up is the mean of
     the cameras' upward axes.
 
     Parameters
     ----------
-    rig : Rig
+    rig : SceneRig
     scale : float
-        Enlarges the distances between the cameras.
+        Factor of the distances between the cameras.
     """
     centres = scale * rig.centres_world
     axes = rig.R_cam_world[:, 2]
@@ -105,37 +104,8 @@ def staged(rig: SceneRig, *, scale: float = 1.0) -> SceneRig:
     return SceneRig(rig.names, rig.intrinsics, R, -np.einsum("cab,cb->ca", R, local))
 
 
-def image_of(points_cam: Float64Array, lens: Intrinsics) -> Float64Array:
-    """Pixels (..., 2) of points (..., 3) of the optical frame; NaN outside the image."""
-    depth = points_cam[..., 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        radius = np.hypot(points_cam[..., 0], points_cam[..., 1]) / depth
-    pixels = project(points_cam, lens)
-    limit = np.array([lens.width, lens.height]) - 0.5
-    with np.errstate(invalid="ignore"):
-        inside = np.all((pixels >= -0.5) & (pixels < limit), axis=-1)
-    pixels[~(inside & (depth > _NEAR) & (radius < _usable_radius(lens)))] = np.nan
-    return pixels
-
-
-def _usable_radius(lens: Intrinsics) -> float:
-    """Distance from the axis at depth 1 up to which the distorted radius grows."""
-    if lens.model is LensModel.EQUIDISTANT or not np.any(lens.D):
-        return np.inf
-    r = np.linspace(0, 4, 801)
-    r2 = r**2
-    d = np.zeros(8)
-    d[: min(8, len(lens.D))] = lens.D[:8]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        growth = (1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) / (
-            1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7]))
-        )
-    falling = np.flatnonzero(np.diff(r * growth) <= 0)
-    return float(r[falling[0]]) if len(falling) else np.inf
-
-
 def _looking(centre: Float64Array, target: Float64Array) -> Float64Array:
-    """R_cam_world of a camera that looks from one point to another, level with the horizon."""
+    """Return R_cam_world of a camera that looks from one point to another, level."""
     ahead = (target - centre) / np.linalg.norm(target - centre)
     right = np.cross(ahead, [0.0, 0.0, 1.0])
     right = right / np.linalg.norm(right)

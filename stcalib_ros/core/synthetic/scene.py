@@ -24,7 +24,9 @@ from stcalib_ros.core.synthetic.people import PersonMotion, make_people
 from stcalib_ros.core.synthetic.rigs import SceneRig, ring_rig, staged
 
 EPOCH_NS = 1_760_000_000 * 10**9
-_OWNER_SHARE = 0.2
+"""Nanoseconds since the Unix epoch of time 0 of simulated recordings: some day in 2025."""
+_MIN_OWNED_FRACTION = 0.2
+"""Fraction of its frames from which on a track with exchanged ids belongs to a person. Chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,8 +38,8 @@ class Scene:
     options : SceneOptions
     recording : Recording
     truth : Calibration
-        In the frame and clock of the first camera, metres.
-    rig : Rig
+        True calibration in the frame and clock of the first camera, metres.
+    rig : SceneRig
         The cameras in the world (z up, floor at 0).
     people : tuple of PersonMotion
         Joints in the world at any time of the reference clock (seconds since the epoch).
@@ -85,9 +87,9 @@ def simulate(
     clips : sequence of MotionClip
         Motion capture to compose the people's motion of; without any it is procedural.
     changes : sequence of CameraChange
-        What happens to cameras on the way; the truth of the scene is what holds before.
+        Changes of cameras during the recording; the truth is the state before them.
     rng : Generator, optional
-        Takes the place of ``options.seed``.
+        Source of randomness instead of ``options.seed``.
 
     Examples
     --------
@@ -127,7 +129,7 @@ def simulate(
 
 
 def make_rig(rng: np.random.Generator, options: SceneOptions) -> SceneRig:
-    """The cameras of a scene: those that are given, or a random ring."""
+    """Return the cameras of a scene: those of the options, or a random ring."""
     if options.rig is not None:
         return staged(options.rig, scale=options.rig_scale)
     return ring_rig(
@@ -155,12 +157,37 @@ def true_calibration(
     *,
     line_times_s: Sequence[float] = (),
 ) -> Calibration:
-    """True poses, clocks and persons, in the frame and clock of the first camera, metres."""
+    """Return the true calibration in the frame and clock of the first camera, metres."""
+    epoch_s = epoch_ns * 1e-9
+    n_observations = sum(s.n_keypoints for s in seen)
+    squares = sum(s.noise_square_px2 for s in seen)
+    return Calibration(
+        status=Status.OK,
+        message="true values of a simulated scene",
+        reference=rig.names[0],
+        metric=True,
+        epoch_s=epoch_s,
+        window_s=(
+            epoch_s + min(clock.exposures_s[0] for clock in clocks),
+            epoch_s + max(clock.exposures_s[-1] for clock in clocks),
+        ),
+        cameras=_true_cameras(rig, clocks, line_times_s or (0.0,) * len(rig.names)),
+        uncalibrated=(),
+        persons=_associations(seen),
+        pairs=(),
+        reprojection_rms_px=float(np.sqrt(squares / max(1, n_observations))),
+        n_observations=n_observations,
+        n_inliers=n_observations,
+    )
+
+
+def _true_cameras(
+    rig: SceneRig, clocks: Sequence[Clock], lines: Sequence[float]
+) -> tuple[CameraCalibration, ...]:
     R_ref_cam = rig.R_cam_world[0] @ rig.R_cam_world.swapaxes(1, 2)
     t_ref_cam = rig.centres_world @ rig.R_cam_world[0].T + rig.t_cam_world[0]
     R_ref_cam[0], t_ref_cam[0] = np.eye(3), 0.0
-    lines = line_times_s or (0.0,) * len(rig.names)
-    cameras = tuple(
+    return tuple(
         CameraCalibration(
             name=name,
             frame_id=f"{name}_optical_frame",
@@ -176,37 +203,16 @@ def true_calibration(
         )
         for (c, name), line_s in zip(enumerate(rig.names), lines, strict=True)
     )
-    epoch_s = epoch_ns * 1e-9
-    n_observations = sum(s.n_keypoints for s in seen)
-    squares = sum(s.noise_square_px2 for s in seen)
-    return Calibration(
-        status=Status.OK,
-        message="true values of a simulated scene",
-        reference=rig.names[0],
-        metric=True,
-        epoch_s=epoch_s,
-        window_s=(
-            epoch_s + min(clock.exposures_s[0] for clock in clocks),
-            epoch_s + max(clock.exposures_s[-1] for clock in clocks),
-        ),
-        cameras=cameras,
-        uncalibrated=(),
-        persons=_associations(seen),
-        pairs=(),
-        reprojection_rms_px=float(np.sqrt(squares / max(1, n_observations))),
-        n_observations=n_observations,
-        n_inliers=n_observations,
-    )
 
 
 def _associations(seen: Sequence[CameraObservation]) -> tuple[PersonAssociation, ...]:
-    """Tracks by person; a track with exchanged ids belongs to all whom it shows for long."""
+    """List tracks by person; one with exchanged ids belongs to all whom it shows for long."""
     tracks: dict[int, dict[str, tuple[int, ...]]] = {}
-    for sightings in seen:
-        for track_id, persons in sightings.track_persons.items():
+    for one in seen:
+        for track_id, persons in one.track_persons.items():
             frames_of = np.bincount(persons)
-            for person in np.flatnonzero(frames_of >= _OWNER_SHARE * len(persons)):
+            for person in np.flatnonzero(frames_of >= _MIN_OWNED_FRACTION * len(persons)):
                 own = tracks.setdefault(int(person), {})
-                name = sightings.camera.name
+                name = one.camera.name
                 own[name] = (*own.get(name, ()), track_id)
     return tuple(PersonAssociation(p, tracks[p], float("nan")) for p in sorted(tracks))

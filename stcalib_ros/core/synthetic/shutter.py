@@ -1,4 +1,4 @@
-"""Where joints are when a rolling shutter comes to the row that they are in."""
+"""Positions of joints at the times at which a rolling shutter reads their rows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.synthetic.people import PersonMotion
 
 _PASSES = 5
-"""Each leaves the share of the error that a joint's image moves by rows in a row's time."""
+"""Fixed-point passes; each multiplies the error by the rows that a joint moves per row time."""
 
 
 def joints_by_row(
@@ -21,13 +21,13 @@ def joints_by_row(
     lens: Intrinsics,
     line_s: float,
 ) -> Float64Array:
-    """Joints (T, J, 3) in the optical frame, each at the time of the row of its image.
+    """Return joints (T, J, 3) in the optical frame, each at the time of its row.
 
     Parameters
     ----------
     person : PersonMotion
     times : (T,) ndarray
-        Of row 0, by the reference clock, seconds.
+        Times of row 0 by the reference clock, seconds.
     R_cam_world, t_cam_world : (T, 3, 3) and (T, 3) ndarray
     lens : Intrinsics
     line_s : float

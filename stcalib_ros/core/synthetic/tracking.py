@@ -1,4 +1,4 @@
-"""What a tracker makes of people: gaps, fragments with new ids, exchanged ids."""
+"""Errors of a tracker: gaps, fragments with new ids, exchanged ids."""
 
 from __future__ import annotations
 
@@ -7,23 +7,26 @@ import numpy as np
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 
 _GAP_S = 2.0
+"""Seconds. Mean duration of a stretch without detections of a person. Chosen."""
 _MEMORY_S = 0.5
+"""Seconds. Gap after which the tracker gives a new id. Chosen: usual trackers keep 15-30 frames."""
 _COVERED = 0.8
+"""Fraction of its box from which on a person behind another one is not detected. Chosen."""
 
 
 def missing_stretches(
-    rng: np.random.Generator, times: Float64Array, n_people: int, share: float
+    rng: np.random.Generator, times: Float64Array, n_people: int, fraction: float
 ) -> BoolArray:
-    """Where people are not detected (T, P): whole stretches that make up a share on average.
+    """Return where people are not detected (T, P): stretches that make up a fraction on average.
 
     On and off times are exponential; the process is stationary.
     """
     out = np.zeros((len(times), n_people), dtype=bool)
-    if share <= 0 or len(times) == 0:
+    if fraction <= 0 or len(times) == 0:
         return out
-    seen_s = _GAP_S * (1 - share) / share
+    seen_s = _GAP_S * (1 - fraction) / fraction
     for person in range(n_people):
-        now, hidden = times[0], rng.uniform() < share
+        now, hidden = times[0], rng.uniform() < fraction
         while now < times[-1]:
             end = now + rng.exponential(_GAP_S if hidden else seen_s)
             out[(times >= now) & (times < end), person] = hidden
@@ -50,7 +53,7 @@ def bursts(
 
 
 def boxes_of(keypoints: Float64Array) -> Float64Array:
-    """Left, top, right and bottom (T, P, 4) of key points (T, P, J, 2); NaN if there are none."""
+    """Left, top, right and bottom (T, P, 4) of keypoints (T, P, J, 2); NaN if there are none."""
     high = np.where(np.isnan(keypoints), -np.inf, keypoints).max(axis=-2)
     low = np.where(np.isnan(keypoints), np.inf, keypoints).min(axis=-2)
     boxes = np.concatenate([low, high], axis=-1)
@@ -68,7 +71,7 @@ def hidden_behind(boxes: Float64Array, depth: Float64Array) -> BoolArray:
 
 
 def fragment_ids(times: Float64Array, visible: BoolArray) -> IntArray:
-    """Track ids (T, P), -1 where unseen; a gap longer than the tracker's memory gives a new id.
+    """Assign track ids (T, P), -1 where not observed; long gaps give a new id.
 
     Ids are given in the order of appearance.
     """
@@ -93,7 +96,7 @@ def switch_ids(
     rng : Generator
     times : (T,) ndarray
     ids : (T, P) ndarray
-        -1 where unseen.
+        -1 where not observed.
     boxes : (T, P, 4) ndarray
     rate : float
         Exchanges that a person takes part in, per second.

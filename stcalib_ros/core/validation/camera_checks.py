@@ -12,6 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.covariance import (
+    CENTRE_ROWS,
+    OFFSET_ROW,
+    ROTATION_ROWS,
+    largest_stddev,
+    rows_of,
+)
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.outliers import image_points
 from stcalib_ros.core.model.arrays import Float64Array
@@ -205,10 +212,10 @@ def check_cameras(
         Other time offsets are tried within plus and minus this.
     """
     frame_s = last.observations.step_s
-    inliers, observed = last.state.used.sum((0, 2)), last.observations.seen.sum((0, 2))
+    inliers, observed = last.state.inlier.sum((0, 2)), last.observations.observed.sum((0, 2))
     inlier_fraction = inliers / np.maximum(observed, 1)
     offsets = _offset_checks(last, inlier_fraction, offset_range_s)
-    shared_s = last.state.used.any(2).sum(0) * frame_s
+    shared_s = last.state.inlier.any(2).sum(0) * frame_s
     total = image_points([cameras[c] for c in last.rig.cameras])
     reach = usual_distances(last)
     rotation = bone_rotations(cameras, skeleton, last)
@@ -217,16 +224,16 @@ def check_cameras(
     lookalikes = has_lookalike_alternative(last)
     found = []
     for c in range(len(last.rig.cameras)):
-        position, turn, clock = _stddevs(covariance, c)
+        block = covariance[np.ix_(rows_of(c), rows_of(c))]
         found.append(
             CameraChecks(
                 inliers=int(inliers[c]),
                 inlier_fraction=float(inlier_fraction[c]),
                 explained_fraction=float(inliers[c] / max(int(total[c]), 1)),
                 shared_s=float(shared_s[c]),
-                rotation_stddev=turn,
-                position_stddev=position / float(reach[c]),
-                offset_stddev_frames=clock / frame_s,
+                rotation_stddev=largest_stddev(block[ROTATION_ROWS, ROTATION_ROWS]),
+                position_stddev=largest_stddev(block[CENTRE_ROWS, CENTRE_ROWS]) / float(reach[c]),
+                offset_stddev_frames=largest_stddev(block[OFFSET_ROW:, OFFSET_ROW:]) / frame_s,
                 bone_rotation=float(np.nanmin(rotation[c], initial=np.inf)),
                 depth_ratio=float(depth[c]),
                 offset_peak_ratio=float(offsets.peak_ratio[c]),
@@ -262,13 +269,3 @@ def _offset_checks(
         with_outliers = np.where(inlier_fraction < many, of_all, np.inf)
     ratio[0] = np.inf
     return _OffsetChecks(ratio, alternative_s, with_outliers)
-
-
-def _stddevs(covariance: Float64Array, c: int) -> tuple[float, float, float]:
-    """Largest standard deviation of position and of rotation of a camera, and that of its clock."""
-    block = covariance[7 * c : 7 * c + 7, 7 * c : 7 * c + 7]
-    position, rotation, clock = (
-        float(np.sqrt(max(np.linalg.eigvalsh(block[part, part])[-1], 0.0)))
-        for part in (slice(0, 3), slice(3, 6), slice(6, 7))
-    )
-    return position, rotation, clock

@@ -104,7 +104,7 @@ def usual_distances(last: Iteration) -> Float64Array:
     """Return the median depth (C,) of the people in each camera, in the unit of the adjustment."""
     state = last.state
     Z = state.X @ state.R_cam_ref[:, 2].T + state.t_cam_ref[:, 2]
-    inlier = state.used.transpose(0, 2, 1)
+    inlier = state.inlier.transpose(0, 2, 1)
     return np.array(
         [
             np.median(Z[..., c][inlier[..., c]]) if inlier[..., c].any() else np.nan
@@ -131,11 +131,11 @@ def depth_ratios(cameras: Sequence[LiftedCamera], last: Iteration) -> Float64Arr
     obs, state = last.observations, last.state
     ratio = np.full(len(last.rig.cameras), np.nan)
     for c, index in enumerate(last.rig.cameras):
-        rows = np.flatnonzero((obs.track[:, c] >= 0) & state.used[:, c].any(-1))
+        rows = np.flatnonzero((obs.track[:, c] >= 0) & state.inlier[:, c].any(-1))
         rows = rows[:: max(1, len(rows) // _MAX_FRAMES)]
         Z = state.X[rows] @ state.R_cam_ref[c][2] + state.t_cam_ref[c][2]
         lifted = _lifted_depths(cameras[index], obs.track[rows, c], _times(last, rows, c))
-        both = state.used[rows, c] & np.isfinite(lifted) & (lifted > 0)
+        both = state.inlier[rows, c] & np.isfinite(lifted) & (lifted > 0)
         if both.any():
             ratio[c] = float(np.median(Z[both] / lifted[both]))
     return ratio
@@ -150,7 +150,7 @@ def depth_scale(cameras: Sequence[LiftedCamera], last: Iteration) -> float:
 def _times(last: Iteration, rows: IntArray, c: int) -> Float64Array:
     """Times of images by the clock of their camera, s."""
     obs = last.observations
-    reference = obs.start_s + obs.knot[rows] * obs.step_s + obs.phi[rows, c]
+    reference = obs.start_s + obs.time_bin[rows] * obs.step_s + obs.phi[rows, c]
     return np.asarray(reference - last.rig.offset_s[c] + last.state.shift_s[c])
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.state import triangulated
 from stcalib_ros.core.geometry.alignment import umeyama
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.validation.limits import (
@@ -44,13 +45,13 @@ def _paths(last: Iteration) -> tuple[Float64Array, BoolArray]:
     The latter is (P, C, K). Joints that are not triangulated are NaN.
     """
     obs, state = last.observations, last.state
-    bins = np.unique(obs.knot)
+    bins = np.unique(obs.time_bin)
     bins = bins[:: -(-len(bins) // _MAX_SAMPLES)]
-    rows = np.flatnonzero(np.isin(obs.knot, bins))
+    rows = np.flatnonzero(np.isin(obs.time_bin, bins))
     _, p = np.unique(obs.person[rows], return_inverse=True)
-    k = np.searchsorted(bins, obs.knot[rows])
-    inlier = state.used[rows]
-    X = np.where((inlier.sum(1) >= 2)[..., None], state.X[rows], np.nan)
+    k = np.searchsorted(bins, obs.time_bin[rows])
+    inlier = state.inlier[rows]
+    X = np.where(triangulated(inlier)[..., None], state.X[rows], np.nan)
     P, K = int(p.max(initial=-1)) + 1, len(bins)
     paths = np.full((P, K, *X.shape[1:]), np.nan)
     paths[p, k] = X

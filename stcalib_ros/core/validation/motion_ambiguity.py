@@ -125,7 +125,7 @@ def is_collinear(last: Iteration) -> bool:
 
     The unit of the adjustment is about a metre: people have their usual size in it.
     """
-    known = last.state.used.sum(1) >= 2
+    known = last.state.triangulated()
     count = known.sum(1)
     rows = count > 0
     weight = known[rows, :, None] / count[rows, None, None]

@@ -78,7 +78,7 @@ def _costs_by_camera(
     """Sums of robust costs (C, S) of each camera at each shift, and their counts (C, S)."""
     C = len(last.rig.cameras)
     total, count = np.zeros((C, len(shifts))), np.zeros((C, len(shifts)))
-    taken = last.observations.seen if with_outliers else last.state.used
+    taken = last.observations.observed if with_outliers else last.state.inlier
     for path in _paths_at_bins(last, taken):
         for a in range(C):
             for b in range(a + 1, C):
@@ -134,7 +134,7 @@ def _paths_at_bins(last: Iteration, taken: BoolArray) -> Iterator[Float64Array]:
             -1,
         )
         points[~taken[rows, :, joints]] = np.nan
-        bins = obs.knot[rows] - obs.knot[rows][0]
+        bins = obs.time_bin[rows] - obs.time_bin[rows][0]
         path = np.full((points.shape[1], int(bins[-1]) + 1, *points.shape[2:]), np.nan)
         path[:, bins] = np.moveaxis(points, 1, 0)
         yield path

@@ -9,7 +9,7 @@ import numpy as np
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.rejection import Remark, RemarkCode
-from stcalib_ros.core.refinement.clock_skew import MAX_STDDEV as MAX_RATE_STDDEV
+from stcalib_ros.core.refinement.limits import MAX_SKEW_STDDEV
 from stcalib_ros.core.validation.camera_checks import CameraChecks
 from stcalib_ros.core.validation.limits import LITTLE_SHARED_MOTION
 from stcalib_ros.core.validation.motion_ambiguity import is_collinear
@@ -76,7 +76,7 @@ def _advice(
 
 def shared_s(last: Iteration) -> Float64Array:
     """Time (C, C) for which two cameras see somebody together, summed over persons, seconds."""
-    observed = last.state.used.any(2).astype(float)
+    observed = last.state.inlier.any(2).astype(float)
     return np.asarray(observed.T @ observed * last.observations.step_s)
 
 
@@ -85,18 +85,18 @@ def unobservable_clock_skews(last: Iteration) -> tuple[Remark, ...]:
 
     The standard deviation of a slope falls with the length to the power of one and a half.
     """
-    if last.clocks is None:
+    if last.clock_skews is None:
         return ()
-    stddev = last.clocks.stddev[1:][last.clocks.skew[1:] == 0.0]
+    stddev = last.clock_skews.stddev[1:][last.clock_skews.skew[1:] == 0.0]
     if not len(stddev):
         return ()
     obs = last.observations
-    length_s = float(np.ptp(obs.knot)) * obs.step_s
+    length_s = float(np.ptp(obs.time_bin)) * obs.step_s
     values, worst = {"length_s": length_s}, float(stddev.max())
     if np.isfinite(worst):
         values |= {
             "stddev_ppm": 1e6 * worst,
-            "limit_ppm": 1e6 * MAX_RATE_STDDEV,
-            "enough_s": length_s * (worst / MAX_RATE_STDDEV) ** (2.0 / 3.0),
+            "limit_ppm": 1e6 * MAX_SKEW_STDDEV,
+            "enough_s": length_s * (worst / MAX_SKEW_STDDEV) ** (2.0 / 3.0),
         }
     return (Remark(RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE, values=values),)

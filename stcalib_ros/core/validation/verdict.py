@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from stcalib_ros.core.bundle.covariance import JointCovariance
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.integration.exclusions import Exclusions
 from stcalib_ros.core.model.arrays import Float64Array
@@ -28,6 +29,7 @@ class Solution:
     ----------
     iterations : tuple of Iteration
     covariance : (7 C, 7 C) ndarray
+        Covariance of poses and time offsets.
     checks : tuple of CameraChecks
         Checks of the cameras of the rig.
     exclusions : Exclusions
@@ -36,6 +38,8 @@ class Solution:
         Number of cameras that the last iteration before refinement still moved.
     rival : Rejection, optional
         Another solution that fits about as well.
+    joint_covariance : JointCovariance, optional
+        Covariance of everything that was estimated.
     """
 
     iterations: tuple[Iteration, ...]
@@ -44,6 +48,7 @@ class Solution:
     exclusions: Exclusions
     unsettled: int
     rival: Rejection | None = None
+    joint_covariance: JointCovariance | None = None
 
     @property
     def last(self) -> Iteration:

@@ -7,7 +7,7 @@
 
 AlphaPose numbers images from 0 (``0.jpg``); the number is that of the frame of the data set.
 MotionBERT gives one pose for every appearance of a person in the list, in its order: 17 joints in
-Human3.6M's order, x right, y down, z forward, scaled by the image. The key points are brought to
+Human3.6M's order, x right, y down, z forward, scaled by the image. The keypoints are converted to
 these joints as MotionBERT does it, from Halpe's 26 (or 136) or from COCO's 17.
 """
 
@@ -25,6 +25,7 @@ from stcalib_ros.core.geometry.lens import project
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.io.datasets.form import Dataset, Detections, read_json
+from stcalib_ros.io.limits import MIN_BOX_OVERLAP, MIN_COMMON_JOINTS, SAME_PERSON
 
 _LAYOUT = LAYOUTS["h36m_17"]
 _HALPE = (
@@ -37,9 +38,8 @@ _COCO = (
 )
 """For each joint of Human3.6M the joints whose middle it is."""
 
-_SAME_PERSON_PX = 0.15
-"""Largest distance to a true pose, as a share of the height of the person in the image."""
-_MIN_OVERLAP = 0.3
+_SOURCES = {17: _COCO, 26: _HALPE, 136: _HALPE}
+"""The same by the number of keypoints."""
 
 
 def pose_detections(dataset: Dataset, poses: Path) -> Detections:
@@ -80,7 +80,7 @@ def _camera(
                     rows.append((frame, track, h36m_keypoints(item["keypoints"]), pose))
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"{path} is no result of AlphaPose ({type(error).__name__}: {error})"
+            f"{path} is not a result of AlphaPose ({type(error).__name__}: {error})"
         ) from error
     return (
         np.array([r[0] for r in rows], dtype=np.int64),
@@ -110,7 +110,7 @@ def _lifted(folder: Path, track: int, n: int) -> Float64Array:
             f"no such file: {path}: run MotionBERT with --focus {track} on {folder.name}"
         ) from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} is no readable .npy file: {error}") from error
+        raise InputError(f"{path} is not a readable .npy file: {error}") from error
     if X_3d.shape != (n, 17, 3):
         raise InputError(
             f"{path} has shape {X_3d.shape}, expected ({n}, 17, 3): one pose for every appearance "
@@ -127,12 +127,13 @@ def _frame_number(image_id: str | int) -> int:
 
 
 def h36m_keypoints(flat: list[float]) -> Float64Array:
-    """Key points (17, 3) in Human3.6M's order: x, y, and the lowest score of the joints used."""
+    """Keypoints (17, 3) in Human3.6M's order: x, y, and the lowest score of the joints used."""
     given = np.array(flat, dtype=float).reshape(-1, 3)
-    if len(given) not in (17, 26, 136):
-        raise InputError(f"{len(given)} key points: expected COCO's 17 or Halpe's 26 or 136")
-    out = np.zeros((17, 3))
-    for joint, sources in enumerate(_COCO if len(given) == 17 else _HALPE):
+    if len(given) not in _SOURCES:
+        raise InputError(f"{len(given)} keypoints: expected COCO's 17 or Halpe's 26 or 136")
+    sources_of = _SOURCES[len(given)]
+    out = np.zeros((len(sources_of), 3))
+    for joint, sources in enumerate(sources_of):
         used = given[list(sources)]
         out[joint] = *used[:, :2].mean(0), np.clip(used[:, 2].min(), 0.0, 1.0)
     return out
@@ -151,13 +152,13 @@ def _nearest_pose(dataset: Dataset, frame: int, camera: int, kp2d: Float64Array)
     joints = dataset.joints_world[frame][:, [dataset.joint_names.index(n) for n in common]]
     true = project(joints @ dataset.R[camera].T + dataset.t[camera], dataset.lens(camera))
     distance = np.linalg.norm(true - mine, axis=-1)
-    known = np.isfinite(distance).sum(-1) >= 4
+    known = np.isfinite(distance).sum(-1) >= MIN_COMMON_JOINTS
     if not known.any():
         return -1
-    away = np.full(len(distance), np.inf)
-    away[known] = np.nanmedian(distance[known], axis=-1)
-    best = int(away.argmin())
-    return best if away[best] <= _SAME_PERSON_PX * float(np.ptp(mine[:, 1])) else -1
+    medians = np.full(len(distance), np.inf)
+    medians[known] = np.nanmedian(distance[known], axis=-1)
+    best = int(medians.argmin())
+    return best if medians[best] <= SAME_PERSON * float(np.ptp(mine[:, 1])) else -1
 
 
 def _nearest_box(dataset: Dataset, frame: int, camera: int, kp2d: Float64Array) -> int:
@@ -170,4 +171,4 @@ def _nearest_box(dataset: Dataset, frame: int, camera: int, kp2d: Float64Array) 
     union = np.prod(high - low) + np.prod(boxes[:, 5:7] - boxes[:, 3:5], axis=1) - shared
     overlap = shared / np.maximum(union, 1e-9)
     best = int(overlap.argmax())
-    return int(boxes[best, 2]) if overlap[best] >= _MIN_OVERLAP else -1
+    return int(boxes[best, 2]) if overlap[best] >= MIN_BOX_OVERLAP else -1

@@ -66,7 +66,7 @@ def read_easymocap(path: Path, options: DatasetOptions) -> Dataset:
         )
     except (KeyError, TypeError, ValueError, IndexError, cv2.error) as error:
         raise InputError(
-            f"{path} is no EasyMocap scene ({type(error).__name__}: {error})"
+            f"{path} is not an EasyMocap scene ({type(error).__name__}: {error})"
         ) from error
 
 
@@ -76,7 +76,7 @@ def _storage(path: Path) -> cv2.FileStorage:
     try:
         return cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     except cv2.error as error:
-        raise InputError(f"{path} is no file of OpenCV's FileStorage") from error
+        raise InputError(f"{path} is not a file of OpenCV's FileStorage") from error
 
 
 def _strings(node: cv2.FileNode) -> list[str]:

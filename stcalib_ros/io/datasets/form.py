@@ -1,4 +1,4 @@
-"""What all data sets come to: cameras, and the people that are known to be there."""
+"""Common form of all data sets: cameras, and the people with known joints."""
 
 from __future__ import annotations
 
@@ -12,29 +12,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
-from stcalib_ros.core.synthetic.rigs import image_of
 
 _MIN_JOINTS = 6
+"""Joints in the image, count, from which on a person counts as detected. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class DatasetOptions:
-    """Which part of a data set is read, and where its poses come from.
+    """Part of a data set to be read, and source of its poses.
 
     Attributes
     ----------
     cameras : tuple of str
-        Their names or numbers in the data set, in the order of the result; none: all.
+        Names or numbers in the data set, in the order of the result; none: all.
     first, last : int
         Frames by the numbering of the data set, both included; `last` below 0: to the end.
     poses : Path or None
         Folder with the poses of a detector and a lifter (see `alphapose.pose_detections`).
     sigma_px : float
-        Noise put on the true joints where there are no `poses`, px per axis.
+        Noise added to the true joints without `poses`, px per axis.
     seed : int
-        Of that noise.
+        Seed of that noise.
     """
 
     cameras: tuple[str, ...] = ()
@@ -128,7 +129,7 @@ class Detections:
 def noisy_detections(dataset: Dataset, sigma_px: float, rng: np.random.Generator) -> Detections:
     """True joints in each camera with Gaussian noise of `sigma_px` per axis in the image.
 
-    The paper's "Robustness to Noise": key points and 3D poses are of the same noisy points, and
+    The paper's "Robustness to Noise": keypoints and 3D poses are of the same noisy points, and
     every person is one track.
     """
     parts = [_noisy_camera(dataset, c, sigma_px, rng) for c in range(len(dataset.names))]
@@ -143,16 +144,16 @@ def _noisy_camera(
     lens, points = dataset.lens(c), dataset.in_camera(c)
     metres = sigma_px * np.abs(points[..., 2:]) / np.sqrt(lens.K[0, 0] * lens.K[1, 1])
     points = points + metres * rng.standard_normal(points.shape)
-    pixels = image_of(points, lens)
-    seen: BoolArray = np.asarray(np.isfinite(pixels).all(-1))
+    pixels = project_visible(points, lens)
+    observed: BoolArray = np.asarray(np.isfinite(pixels).all(-1))
     scored = np.concatenate([np.nan_to_num(pixels), np.ones_like(pixels[..., :1])], -1)
-    frame, person = np.nonzero(seen.sum(-1) >= _MIN_JOINTS)
-    kp2d = np.where(seen[frame, person][:, :, None], scored[frame, person], 0.0)
+    frame, person = np.nonzero(observed.sum(-1) >= _MIN_JOINTS)
+    kp2d = np.where(observed[frame, person][:, :, None], scored[frame, person], 0.0)
     return frame, np.full_like(frame, c), person, kp2d, points[frame, person]
 
 
 def arrays_of(dataset: Dataset, detections: Detections) -> dict[str, NDArray[Any]]:
-    """Arrays of a multi-view file."""
+    """Return the arrays of a multi-view file."""
     return {
         "camera_names": np.array(dataset.names),
         "image_size": dataset.image_size,
@@ -175,7 +176,7 @@ def arrays_of(dataset: Dataset, detections: Detections) -> dict[str, NDArray[Any
 
 
 def read_json(path: Path) -> Any:
-    """Content of a JSON file.
+    """Read a JSON file.
 
     Raises
     ------
@@ -189,11 +190,11 @@ def read_json(path: Path) -> Any:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except ValueError as error:
-        raise InputError(f"{path} is no valid JSON: {error}") from error
+        raise InputError(f"{path} is not valid JSON: {error}") from error
 
 
 def chosen(path: Path, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
-    """Positions of the wanted cameras; all where none is named.
+    """Return the positions of the wanted cameras; all if none is named.
 
     A camera can also be named by the number at the end of its name: 12 for ``00_12``.
 
@@ -212,7 +213,7 @@ def chosen(path: Path, names: Sequence[str], wanted: Sequence[str]) -> list[int]
 
 
 def numbered(folder: Path, pattern: str, options: DatasetOptions) -> dict[int, Path]:
-    """Files by the frame number that their name ends with; only the frames to be read.
+    """Return the files to be read, by the frame number at the end of their name.
 
     Raises
     ------
@@ -231,7 +232,7 @@ def numbered(folder: Path, pattern: str, options: DatasetOptions) -> dict[int, P
 
 
 def stacked_people(frames: Sequence[dict[int, Float64Array]], n_joints: int) -> Float64Array:
-    """Joints (F, P, J, 3) of people by id in each frame; P are all ids, in order."""
+    """Stack the joints (F, P, J, 3) of people by id in each frame; P are all ids, in order."""
     ids = sorted({i for people in frames for i in people})
     out = np.full((len(frames), len(ids), n_joints, 3), np.nan)
     for f, people in enumerate(frames):

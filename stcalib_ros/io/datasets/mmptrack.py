@@ -57,7 +57,7 @@ def read_mmptrack(path: Path, options: DatasetOptions) -> Dataset:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"{path} is no MMPTRACK scene ({type(error).__name__}: {error})"
+            f"{path} is not an MMPTRACK scene ({type(error).__name__}: {error})"
         ) from error
 
 

@@ -66,7 +66,7 @@ def read_panoptic(path: Path, options: DatasetOptions) -> Dataset:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"{path} is no Panoptic sequence ({type(error).__name__}: {error})"
+            f"{path} is not a Panoptic sequence ({type(error).__name__}: {error})"
         ) from error
 
 

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from benchmarks.accuracy import cramer_rao as floor
+from benchmarks.accuracy import cramer_rao
 from benchmarks.accuracy.scenarios import Scenario
 from stcalib_ros.core.errors import CalibrationError
 from stcalib_ros.core.geometry.so3 import exp_so3
@@ -27,9 +27,9 @@ CASE = Scenario(
 
 
 def turned_by(factor):
-    """Every camera but the first turned by a factor of the mean rotation at its scene's floor."""
+    """Every camera but the first turned by a factor of the mean rotation at its scene's bound."""
     scenes = [simulate(CASE.scene_options(k), clips=shipped_clips()) for k in range(2)]
-    angles = [floor.floors(scene)[0].E_R for scene in scenes]
+    angles = [cramer_rao.bounds(scene)[0].E_R for scene in scenes]
 
     def answer(truth):
         R = exp_so3(np.array([0.0, factor * angles.pop(0), 0.0]))
@@ -43,9 +43,9 @@ def turned_by(factor):
 
 
 @pytest.mark.parametrize(("factor", "met"), [(1.4, True), (1.6, False)])
-def test_errors_are_judged_in_units_of_the_floor(play, factor, met):
+def test_errors_are_judged_in_units_of_the_bound(play, factor, met):
     play(turned_by(factor))
-    rows = floor.summary(CASE, [floor.compare(CASE, k) for k in range(2)])
+    rows = cramer_rao.summary(CASE, [cramer_rao.compare(CASE, k) for k in range(2)])
     at = [row.figure for row in rows].index("E_R")
     assert f"free points {factor:.2f}x" in rows[at + 1].value
     assert f"on average {factor:.2f}x" in rows[at + 1].value
@@ -58,16 +58,16 @@ def test_scenes_that_are_not_solved_count_as_infinite(play):
         raise CalibrationError("nobody moves")
 
     play(refuse)
-    rows = floor.summary(CASE, [floor.compare(CASE, 0)])
+    rows = cramer_rao.summary(CASE, [cramer_rao.compare(CASE, 0)])
     assert rows[0].met is False
     assert "infx" in rows[3].value
     assert rows[3].met is False
 
 
 def test_command(play, capsys, monkeypatch):
-    monkeypatch.setattr(floor, "CASES", (CASE,))
+    monkeypatch.setattr(cramer_rao, "CASES", (CASE,))
     play(lambda truth: truth)
-    assert floor.main(["--only", "short", "--scenes", "1"]) == 0
+    assert cramer_rao.main(["--only", "short", "--scenes", "1"]) == 0
     assert "short: a short scene" in capsys.readouterr().out
     play(turned_by(3.0))
-    assert floor.main(["--scenes", "1"]) == 1
+    assert cramer_rao.main(["--scenes", "1"]) == 1

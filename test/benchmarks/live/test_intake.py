@@ -17,9 +17,8 @@ from benchmarks.live.figures import Observed, Sample, Solve, rows
 from benchmarks.live.player import Sent, images_of, stamped
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.bag_writer import write_bag
-from stcalib_ros.io.decode import decode
+from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, decode
 from stcalib_ros.io.messages import stamp_ns
-from stcalib_ros.io.schemas import CAMERA_INFO, POSES
 
 ROOT = Path(__file__).parents[3]
 
@@ -131,7 +130,7 @@ def test_the_player_restamps_and_nothing_else(tmp_path):
     assert len(images) == 20
     assert sorted(lenses) == ["cam0", "cam2"]
     new_ns = 1_800_000_000_123_456_789
-    for kind, data in ((POSES, images[5].poses), (CAMERA_INFO, lenses["cam0"])):
+    for kind, data in ((PERSON_POSES.name, images[5].poses), (CAMERA_INFO.name, lenses["cam0"])):
         before, after = decode(kind, bytes(data)), decode(kind, stamped(data, new_ns))
         assert stamp_ns(after) == new_ns
         assert after.header.frame_id == before.header.frame_id

@@ -141,9 +141,9 @@ def shots():
 def test_boards_are_seen_by_their_pair(shots) -> None:
     _, boards = shots
     assert len(boards.pair) == 6 * 4
-    assert np.take_along_axis(boards.seen, boards.pair, axis=1).all()
+    assert np.take_along_axis(boards.observed, boards.pair, axis=1).all()
     only = boards.of_pairs_only()
-    assert (only.seen.all(2).sum(1) == 2).all()
+    assert (only.observed.all(2).sum(1) == 2).all()
 
 
 def test_boards_without_noise_give_exact_pairs(shots) -> None:
@@ -177,7 +177,7 @@ def test_adjustment_brings_a_disturbed_rig_back(shots) -> None:
 
 def test_background_that_nobody_shares_gives_no_rig() -> None:
     views = background_views(np.random.default_rng(0), ring(3))
-    nothing = PointViews(views.x, views.seen & (np.arange(4) == 0)[:, None], views.focal)
+    nothing = PointViews(views.x, views.observed & (np.arange(4) == 0)[:, None], views.focal)
     with pytest.raises(SfmFailure, match="no initial image pair"):
         incremental_sfm(nothing)
 

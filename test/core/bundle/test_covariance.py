@@ -6,12 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bundle_helpers import problem
+from bundle_helpers import disturbed, problem
 from scipy.stats import chi2
 
-from stcalib_ros.core.bundle.covariance import PARAMETERS, pose_covariance
+from stcalib_ros.core.bundle.covariance import (
+    CENTRE_ROWS,
+    PARAMETERS,
+    clusters,
+    pose_covariance,
+    rows_of,
+    with_known_distance,
+)
+from stcalib_ros.core.bundle.gauge import camera_centres
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
-from stcalib_ros.core.geometry.so3 import log_so3
+from stcalib_ros.core.bundle.limits import SHORTEST_CLUSTER
+from stcalib_ros.core.bundle.residuals import camera_points
+from stcalib_ros.core.geometry.so3 import exp_so3, log_so3
 
 
 def published(state):
@@ -30,7 +40,7 @@ def difference(state, truth):
 
 def noisy(p, rng, sigma_px):
     noise = sigma_px * rng.normal(size=p.o.x.shape) / p.o.focal[..., None]
-    return replace(p.o, x=np.where(p.o.seen[..., None], p.o.x + noise, 0))
+    return replace(p.o, x=np.where(p.o.observed[..., None], p.o.x + noise, 0))
 
 
 def experiments(n, *, cameras, sigma_px=2.0):
@@ -78,15 +88,37 @@ def test_a_covariance_is_symmetric_and_positive(repeated):
         assert np.linalg.eigvalsh(P)[0] > -1e-9 * np.abs(P).max()
 
 
-def test_the_reference_is_certain_and_so_is_the_first_baseline():
+def test_the_reference_is_certain_and_so_is_the_spread_of_the_cameras():
     p = problem(np.random.default_rng(2), cameras=3, knots=40)
     state = adjust(p.o, p.truth, iterations=20, tolerance=1e-3)
     P = pose_covariance(p.o, state)
     assert not P[:7].any()
     assert not P[:, :7].any()
-    centre = -state.R_cam_ref[1].T @ state.t_cam_ref[1]
-    along = centre / np.linalg.norm(centre)
-    assert along @ P[7:10, 7:10] @ along < 1e-4 * np.trace(P[7:10, 7:10])
+    centres = camera_centres(state.R_cam_ref, state.t_cam_ref)
+    rows = rows_of(np.arange(3))[:, CENTRE_ROWS].ravel()
+    outward = (centres - centres.mean(0)).ravel() / np.linalg.norm(centres - centres.mean(0))
+    assert outward @ P[np.ix_(rows, rows)] @ outward < 1e-9 * np.trace(P[np.ix_(rows, rows)])
+
+
+def test_a_known_distance_is_certain():
+    p = problem(np.random.default_rng(2), cameras=3, knots=40)
+    state = adjust(p.o, p.truth, iterations=20, tolerance=1e-3)
+    centres = camera_centres(state.R_cam_ref, state.t_cam_ref)
+    P = with_known_distance(pose_covariance(p.o, state), centres, 1, 2)
+    one, other = rows_of(np.array([1, 2]))[:, CENTRE_ROWS]
+    gradient = np.zeros(len(P))
+    gradient[one], gradient[other] = centres[1] - centres[2], centres[2] - centres[1]
+    assert not P[:7].any()
+    assert gradient @ P @ gradient < 1e-12 * (gradient**2).sum() * np.trace(P)
+    again = with_known_distance(P, centres, 0, 1)
+    direct = with_known_distance(pose_covariance(p.o, state), centres, 0, 1)
+    np.testing.assert_allclose(again, direct, atol=1e-9 * np.abs(direct).max())
+
+
+def test_cameras_at_one_place_give_no_unit():
+    P = np.diag(np.arange(1.0, 22.0))
+    centres = np.array([[0.0, 0, 0], [0, 0, 0], [3, 0, 0]])
+    np.testing.assert_array_equal(with_known_distance(P, centres, 0, 1), P)
 
 
 def test_twice_the_noise_is_twice_the_deviation():
@@ -114,3 +146,37 @@ def test_the_unit_of_lengths_is_that_of_the_state():
 
 def test_parameters_are_those_of_the_result():
     assert PARAMETERS == ("x", "y", "z", "rot_x", "rot_y", "rot_z", "time_offset_s")
+
+
+@pytest.mark.parametrize(("n_unknowns", "expected"), [(1, 150), (26, 75), (100, 18), (10_000, 9)])
+def test_spans_of_clusters_are_halved_down_to_the_shortest(n_unknowns, expected):
+    """Clusters of the only joint of one person over 600 time bins."""
+    p = problem(np.random.default_rng(1), people=1, knots=600, joints=10)
+    known = np.ones((600, 10), dtype=bool)
+    found = clusters(p.o, known, n_unknowns=n_unknowns)
+    first = found[:, 0]
+    lengths = np.diff(np.flatnonzero(np.diff(first, prepend=-1, append=-1)))
+    assert lengths.max() == expected
+    assert expected >= SHORTEST_CLUSTER
+
+
+def with_two_at_one_place(rng):
+    """A problem whose first two cameras stand at one place, the third elsewhere."""
+    p = problem(rng, cameras=3, knots=40, joints=6, sigma_px=0.0)
+    R, t = p.truth.R_cam_ref.copy(), p.truth.t_cam_ref.copy()
+    R[1], t[1] = exp_so3(np.array([0.1, -0.2, 0.05])), 0.0
+    truth = replace(p.truth, R_cam_ref=R, t_cam_ref=t)
+    Z = camera_points(p.o, truth)
+    x = np.where(p.o.observed[..., None], Z[..., :2] / Z[..., 2:], 0.0)
+    return noisy(replace(p, o=replace(p.o, x=x)), rng, 1.0), truth
+
+
+def test_the_first_two_cameras_may_stand_at_one_place():
+    rng = np.random.default_rng(8)
+    o, truth = with_two_at_one_place(rng)
+    state = adjust(o, disturbed(rng, truth, 0.003), iterations=50, tolerance=1e-3)
+    P = pose_covariance(o, state)
+    assert np.isfinite(P).all()
+    stddev = np.sqrt(np.diag(P)[7:])
+    assert (stddev < 0.02).all()
+    assert (np.abs(difference(state, truth)[7:]) < 5.0 * stddev).all()

@@ -41,7 +41,7 @@ def tried(rounds, names):
 
 @pytest.fixture
 def first(small_stages):
-    return small_stages.rounds[0]
+    return small_stages.iterations[0]
 
 
 @pytest.fixture

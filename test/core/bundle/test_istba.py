@@ -42,37 +42,38 @@ def test_what_is_far_off_is_dropped(rng):
     cells = [(3, 1, 0), (7, 2, 1), (12, 0, 2)]
     p = displaced(p, cells, 60.0)
     state = drop_outliers(p.o, p.truth, BundleOptions())
-    dropped = np.argwhere(p.o.seen & ~state.used)
+    dropped = np.argwhere(p.o.observed & ~state.inlier)
     assert {tuple(c) for c in dropped.tolist()} == set(cells)
 
 
 def test_nothing_is_dropped_below_the_floor(rng):
     p = displaced(problem(rng, cameras=4, sigma_px=0.1, missing=0), [(3, 1, 0)], 11.0)
     state = drop_outliers(p.o, p.truth, BundleOptions())
-    np.testing.assert_array_equal(state.used, p.o.seen)
+    np.testing.assert_array_equal(state.inlier, p.o.observed)
     tighter = drop_outliers(p.o, p.truth, BundleOptions(outlier_floor_px=5.0))
-    assert not tighter.used[3, 1, 0]
+    assert not tighter.inlier[3, 1, 0]
 
 
 def test_points_left_with_one_view_are_dropped_whole(rng):
     p = displaced(problem(rng, cameras=2, missing=0), [(3, 1, 0)], 60.0)
     state = drop_outliers(p.o, p.truth, BundleOptions())
-    assert not state.used[3, :, 0].any()
-    assert state.used[3, :, 1].all()
+    assert not state.inlier[3, :, 0].any()
+    assert state.inlier[3, :, 1].all()
 
 
 def test_what_fits_again_is_taken_back(rng):
     p = problem(rng, missing=0)
-    nothing = replace(p.truth, used=p.o.seen & (np.arange(3) != 1))
+    nothing = replace(p.truth, inlier=p.o.observed & (np.arange(3) != 1))
     state = drop_outliers(p.o, nothing, BundleOptions())
-    known = nothing.used.sum(1) >= 2
-    assert (state.used == p.o.seen)[:, :, :][np.broadcast_to(known[:, None], p.o.seen.shape)].all()
+    known = nothing.inlier.sum(1) >= 2
+    everywhere = np.broadcast_to(known[:, None], p.o.observed.shape)
+    assert (state.inlier == p.o.observed)[everywhere].all()
 
 
 def test_without_any_observation_nothing_is_used(rng):
     p = problem(rng)
-    nobody = replace(p.truth, used=np.zeros_like(p.o.seen))
-    assert not drop_outliers(p.o, nobody, BundleOptions()).used.any()
+    nobody = replace(p.truth, inlier=np.zeros_like(p.o.observed))
+    assert not drop_outliers(p.o, nobody, BundleOptions()).inlier.any()
 
 
 # What holds together
@@ -135,16 +136,16 @@ def test_a_part_of_a_rig_is_in_the_frame_and_clock_of_its_first_camera(rng):
 
 
 def test_rounds_lower_the_error_of_what_is_used(small_stages):
-    rounds = small_stages.rounds
+    rounds = small_stages.iterations
     assert len(rounds) >= 2
     errors = [errors_px(r.observations, r.state) for r in rounds]
-    final = errors[-1][rounds[-1].state.used]
+    final = errors[-1][rounds[-1].state.inlier]
     assert np.sqrt(np.mean(final**2)) < 3.5
     assert rounds[-1].median_px <= rounds[0].median_px + 0.2
 
 
 def test_a_round_does_not_differ_from_itself_but_from_a_shifted_one(small_stages):
-    last = small_stages.rounds[-1]
+    last = small_stages.iterations[-1]
     step_s = last.observations.step_s
     assert last.differing(last, step_s) == 0
     offset_s = last.rig.offset_s + np.array([0.0, 0.0, 2 * step_s])
@@ -156,7 +157,7 @@ def test_a_round_does_not_differ_from_itself_but_from_a_shifted_one(small_stages
 
 
 def test_the_truth_fits_better_than_a_wrong_pose(small_stages):
-    last = small_stages.rounds[-1]
+    last = small_stages.iterations[-1]
     t = last.state.t_cam_ref.copy()
     t[2] += [0.3, 0.0, 0.0]
     wrong = replace(last, state=replace(last.state, t_cam_ref=t))

@@ -35,7 +35,7 @@ def frames_of(observed, c):
     """Rows at which camera c takes part, the index of the image each time, and its track."""
     cameras, rig, _, o = observed
     rows = np.flatnonzero(o.track[:, c] >= 0)
-    times = o.start_s + o.knot[rows] * o.step_s + o.phi[rows, c] - rig.offset_s[c]
+    times = o.start_s + o.time_bin[rows] * o.step_s + o.phi[rows, c] - rig.offset_s[c]
     frames = np.abs(cameras[c].stamps - times[:, None]).argmin(1)
     np.testing.assert_allclose(cameras[c].stamps[frames], times, atol=1e-9)
     return rows, frames, o.track[rows, c]
@@ -92,7 +92,7 @@ def test_every_row_has_two_cameras(observed):
 
 def test_rows_are_sorted_by_person_and_knot_and_unique(observed):
     o = observed[-1]
-    key = np.stack([o.person, o.knot], -1)
+    key = np.stack([o.person, o.time_bin], -1)
     np.testing.assert_array_equal(np.unique(key, axis=0), key)
 
 
@@ -104,7 +104,7 @@ def test_points_are_those_of_the_image(observed):
             source = cameras[c].tracks[p]
             at = np.flatnonzero(source.frames == frame)[0]
             known = np.isfinite(source.x[at]).all(-1)
-            np.testing.assert_array_equal(o.seen[row, c], known)
+            np.testing.assert_array_equal(o.observed[row, c], known)
             np.testing.assert_array_equal(o.x[row, c][known], source.x[at][known])
             np.testing.assert_array_equal(o.focal[row, c][known], source.focal[at][known])
             assert not o.x[row, c][~known].any()
@@ -120,14 +120,14 @@ def test_the_person_is_that_of_the_track_at_that_time(observed):
 
 def test_where_a_camera_has_no_image_nothing_is_seen(observed):
     o = observed[-1]
-    assert not o.seen[o.track < 0].any()
+    assert not o.observed[o.track < 0].any()
     assert np.isfinite(o.x).all()
     assert np.isfinite(o.focal).all()
 
 
 def test_of_two_images_near_a_knot_the_nearer_is_taken(observed):
     cameras, rig, association, o = observed
-    row_of = {key: n for n, key in enumerate(zip(o.person, o.knot, strict=True))}
+    row_of = {key: n for n, key in enumerate(zip(o.person, o.time_bin, strict=True))}
     rivals = 0
     for c, camera in enumerate(cameras):
         for p, track in enumerate(camera.tracks):
@@ -160,5 +160,5 @@ def test_every_nth_joint_keeps_the_rows(observed):
     thin = o.thinned_joints(4)
     np.testing.assert_array_equal(thin.x, o.x[:, :, [0, 4, 8, 12, 16]])
     np.testing.assert_array_equal(thin.focal, o.focal[:, :, [0, 4, 8, 12, 16]])
-    np.testing.assert_array_equal(thin.seen, o.seen[:, :, [0, 4, 8, 12, 16]])
+    np.testing.assert_array_equal(thin.observed, o.observed[:, :, [0, 4, 8, 12, 16]])
     np.testing.assert_array_equal(thin.phi, o.phi)

@@ -25,12 +25,12 @@ def steady_phases(p):
     truth = replace(p.truth, shift_s=np.zeros(3))
     o = replace(p.o, phi=phi)
     Y = at_images(o, truth) @ np.swapaxes(truth.R_cam_ref, 1, 2) + truth.t_cam_ref[:, None]
-    return replace(o, x=np.where(o.seen[..., None], Y[..., :2] / Y[..., 2:], 0)), truth
+    return replace(o, x=np.where(o.observed[..., None], Y[..., :2] / Y[..., 2:], 0)), truth
 
 
 def noisy(o, seed, sigma_px=2.0):
     noise = sigma_px * np.random.default_rng(seed).normal(size=o.x.shape) / o.focal[..., None]
-    return replace(o, x=np.where(o.seen[..., None], o.x + noise, 0))
+    return replace(o, x=np.where(o.observed[..., None], o.x + noise, 0))
 
 
 @pytest.fixture(scope="module")
@@ -92,10 +92,10 @@ def test_the_order_of_persons_does_not_matter(exact):
 
 def test_who_stands_still_is_left_alone():
     o, truth = steady_phases(problem(np.random.default_rng(1), knots=20, sigma_px=0))
-    X = truth.X[o.knot == 5][o.person]
+    X = truth.X[o.time_bin == 5][o.person]
     still = replace(truth, X=X, V=0 * X, A=0 * X)
     Y = X[:, None] @ np.swapaxes(still.R_cam_ref, 1, 2) + still.t_cam_ref[:, None]
-    seen = replace(o, x=np.where(o.seen[..., None], Y[..., :2] / Y[..., 2:], 0))
+    seen = replace(o, x=np.where(o.observed[..., None], Y[..., :2] / Y[..., 2:], 0))
     state = adjust(noisy(seen, 0), still, iterations=5, tolerance=0.1)
     assert debiased(noisy(seen, 0), state) is state
 
@@ -112,8 +112,8 @@ def test_a_joint_in_line_with_its_cameras_is_not_well_placed(exact):
     centres = -np.einsum("cji,cj->ci", truth.R_cam_ref, truth.t_cam_ref)
     X = truth.X.copy()
     X[3, 2] = centres[1] + 3.0 * (centres[1] - centres[0])
-    used = truth.used.copy()
+    used = truth.inlier.copy()
     used[3, :, 2] = [True, True, False]
-    placed = velocity_noise(o, replace(truth, X=X, used=used), SCALE).present
+    placed = velocity_noise(o, replace(truth, X=X, inlier=used), SCALE).present
     assert not placed[3, 2]
     assert placed.mean() > 0.9

@@ -26,9 +26,8 @@ def adjusted(rng, **motion):
     size = {"knots": 60, "joints": 10, "phi_frames": 0.0}
     p = problem(rng, sigma_px=3.0, offset_s=MOST_OF_A_FRAME, **size, **motion)
     start = replace(p.truth, shift_s=np.zeros(3))
-    start = replace(
-        start, **dict(zip("VA", estimate_motion(p.o, p.truth.X, p.o.seen.any(1)), strict=True))
-    )
+    V, A = estimate_motion(p.o, p.truth.X, p.o.observed.any(1))
+    start = replace(start, V=V, A=A)
     state = adjust(p.o, start, iterations=30, tolerance=0.01, renew_velocities=True)
     return p, state
 
@@ -88,8 +87,8 @@ def test_half_a_second_whatever_the_frame_rate(rng, step_s):
     """A path of the third degree in time is read exactly, at any rate and over any window."""
     p = problem(rng, knots=80)
     o = replace(p.o, step_s=step_s)
-    when = (o.knot * step_s)[:, None, None]
-    state = replace(p.truth, X=np.ones((1, 3, 3)) * when**3, used=np.ones_like(o.seen))
-    inside = (o.knot > 20) & (o.knot < 60)
+    when = (o.time_bin * step_s)[:, None, None]
+    state = replace(p.truth, X=np.ones((1, 3, 3)) * when**3, inlier=np.ones_like(o.observed))
+    inside = (o.time_bin > 20) & (o.time_bin < 60)
     found = with_smoothed_velocities(o, state).V[inside]
     np.testing.assert_allclose(found, (3 * np.ones((1, 3, 3)) * when**2)[inside], rtol=1e-6)

@@ -13,6 +13,7 @@ from scipy.linalg import null_space
 from scipy.stats import chi, chi2
 
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
+from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
 from stcalib_ros.core.evaluation.cramer_rao import (
     CramerRaoBound,
     TrueViews,
@@ -61,7 +62,7 @@ def published(views, d):
     R = np.swapaxes(moved(views, d).R_cam_ref, 1, 2)
     centre = -np.einsum("cij,cj->ci", R, moved(views, d).t_cam_ref)
     turned = log_so3(R @ views.R_cam_ref)
-    unit = np.linalg.norm(views.t_cam_ref[1])
+    unit = np.linalg.norm(moved(views, d).t_cam_ref[1])
     return np.concatenate([centre / unit, turned, d[:, 6:]], -1).ravel()
 
 
@@ -75,14 +76,15 @@ def dense_floor(views, predicted, n_others, information=0.0, *, rates=False):
     Unknowns are steps of cameras (7 C), rates (C), and others; `predicted` maps them to the image
     points in units of the noise, `information` is what is known of the others beforehand.
     """
-    C = len(views.seen)
+    C = len(views.observed)
     F = jacobian(predicted, 8 * C + n_others)
     H = F.T @ F
     H[8 * C :, 8 * C :] += information
     held = [*range(7), 7 * C] + ([] if rates else list(range(7 * C + 1, 8 * C)))
     fixed = np.zeros((len(held) + 1, len(H)))
     fixed[range(len(held)), held] = 1.0
-    fixed[-1, 10:13] = views.t_cam_ref[1]
+    cameras = Cameras(views.R_cam_ref, views.t_cam_ref, np.zeros(C))
+    fixed[-1, : 7 * C] = ParameterLayout(C).scale_direction(cameras)
     free = null_space(fixed)
     P = free @ np.linalg.inv(free.T @ H @ free) @ free.T
     G = jacobian(lambda d: published(views, d.reshape(C, 7)), 7 * C)
@@ -91,8 +93,8 @@ def dense_floor(views, predicted, n_others, information=0.0, *, rates=False):
 
 def dense_free_points(views, *, rates=False):
     o, state = true_problem(views, path)
-    C, used = len(views.seen), np.argwhere(state.used)
-    points = np.argwhere(state.used.any(1))
+    C, used = len(views.observed), np.argwhere(state.inlier)
+    points = np.argwhere(state.inlier.any(1))
     middle = views.middle_s - views.start_s
 
     def predicted(d):
@@ -102,7 +104,7 @@ def dense_free_points(views, *, rates=False):
             X[n, j] += d[8 * C + 3 * i : 8 * C + 3 * i + 3]
         out = []
         for n, c, j in used:
-            late = cameras[c, 6] + rate[c] * (o.knot[n] * o.step_s - middle)
+            late = cameras[c, 6] + rate[c] * (o.time_bin[n] * o.step_s - middle)
             when = o.phi[n, c] + late
             out.append(
                 image(after, c, X[n, j] + when * state.V[n, j] + 0.5 * when**2 * state.A[n, j])
@@ -138,10 +140,10 @@ def test_rates_are_those_of_the_dense_information():
 @pytest.mark.parametrize("rates", [False, True])
 def test_splines_are_those_of_the_dense_information(rates):
     views = scene(3)
-    C, h = len(views.seen), views.step_s
+    C, h = len(views.observed), views.step_s
     K = 4 + max(int((t[-1] - views.start_s) / h) for t in views.times_s)
     knots = views.start_s + h * np.arange(-3, K + 1)
-    used = [(c, *m) for c in range(C) for m in np.argwhere(views.seen[c])]
+    used = [(c, *m) for c in range(C) for m in np.argwhere(views.observed[c])]
     variance = (path(np.arange(3), 2) ** 2).mean((0, 3)).ravel() * h**4
     # Quadratic paths are in the space of the splines: differences are by the coefficients.
     second = np.diff(np.eye(K), 2, axis=0)
@@ -172,7 +174,7 @@ def test_estimates_of_greatest_likelihood_scatter_by_the_floor():
     lengths = []
     for seed in range(60):
         noise = views.sigma_px * np.random.default_rng(seed).normal(size=o.x.shape)
-        x = np.where(o.seen[..., None], o.x + noise / o.focal[..., None], 0.0)
+        x = np.where(o.observed[..., None], o.x + noise / o.focal[..., None], 0.0)
         found = adjust(replace(o, x=x), truth, iterations=30, tolerance=1e-3)
         d = np.concatenate(
             [
@@ -195,8 +197,8 @@ def test_estimates_of_greatest_likelihood_scatter_by_the_floor():
 def test_more_that_is_seen_is_never_worse(floor):
     views = scene(3, n_images=12)
     rng = np.random.default_rng(5)
-    fewer = tuple(s & (rng.uniform(size=s.shape) < 0.7) for s in views.seen)
-    all_of_it, part = (floor(v, path).covariance for v in (views, replace(views, seen=fewer)))
+    fewer = tuple(s & (rng.uniform(size=s.shape) < 0.7) for s in views.observed)
+    all_of_it, part = (floor(v, path).covariance for v in (views, replace(views, observed=fewer)))
     size = np.sqrt(np.diag(part)[7:])
     gain = (part - all_of_it)[7:, 7:] / np.outer(size, size)
     assert np.linalg.eigvalsh(gain)[0] > -1e-6
@@ -240,7 +242,7 @@ def test_what_is_true_of_a_scene_projects_to_what_was_seen(simulated):
             persons = simulated.track_persons[camera.name][track.track_id]
             errors.append(track.keypoints - pixels[track.frames, persons])
             known = np.isfinite(track.keypoints[..., 0])
-            assert (views.seen[c][track.frames, persons] == known).all()
+            assert (views.observed[c][track.frames, persons] == known).all()
         assert np.nanstd(np.concatenate(errors)) == pytest.approx(3.0, rel=0.05)
 
 

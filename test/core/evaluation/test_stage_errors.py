@@ -104,7 +104,7 @@ def test_the_papers_stages_get_better_one_by_one(noisy, noisy_stages):
 def test_the_default_has_the_same_rows(small_scene, small_stages):
     rows = judge_stages(small_stages, small_scene.truth, fps=FPS)
     assert list(rows) == ["PR", "MI", "STBA", "ISTBA"]
-    last = small_stages.rounds[-1]
+    last = small_stages.iterations[-1]
     assert rows["ISTBA"].E_2D_rms == pytest.approx(small_stages.calibration.reprojection_rms_px)
     assert rows["ISTBA"].E_R < rows["PR"].E_R
     assert len(last.rig.cameras) == 3
@@ -145,4 +145,4 @@ def test_offsets_are_left_to_the_adjustment_if_that_is_wanted(noisy):
     )
     stages = run_stages(recording, o)
     assert {h.lag_s for h in stages.hypotheses} == {0.0}
-    assert stages.rounds[-1].rig.offset_s[1:] == pytest.approx(FRAME_S, abs=0.1 * FRAME_S)
+    assert stages.iterations[-1].rig.offset_s[1:] == pytest.approx(FRAME_S, abs=0.1 * FRAME_S)

@@ -95,8 +95,8 @@ def test_given_line_times_leave_no_error(scene):
 
 def test_points_are_timed_by_their_rows(scene):
     cameras, rig, o, _ = observed(scene, with_known_line_times(scene.recording, true_lines(scene)))
-    n, c, j = np.argwhere(o.seen).T
-    stamp = o.start_s + o.knot[n] * o.step_s + o.elapsed()[n, c, j] - rig.offset_s[c]
+    n, c, j = np.argwhere(o.observed).T
+    stamp = o.start_s + o.time_bin[n] * o.step_s + o.elapsed()[n, c, j] - rig.offset_s[c]
     lens = scene.rig.intrinsics[0]
     v = o.x[n, c, j, 1] * lens.K[1, 1] + lens.K[1, 2]
     line_s = np.array([camera.shutter.line_time_s for camera in cameras])[c]

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from stcalib_ros.core.model.calibration import PairResidual
-from stcalib_ros.core.monitoring.alarms import KEPT_SPANS, State, Thresholds, Verdict, judge
-from stcalib_ros.core.monitoring.change_detection import Finding, Fit
-from stcalib_ros.core.monitoring.spans import SPAN_S, Span, expected_residual_px
+from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.change_detection import ChangeFit, Finding
+from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
+from stcalib_ros.core.monitoring.spans import Span, expected_residual_px
 
 NAMES = ("cam0", "cam1", "cam2")
 INFORMATION = np.diag([1e5, 1e5, 1e5, 1e4, 1e4, 1e4, 1e4])
@@ -23,35 +24,35 @@ def finding(
     gain=0.0,
     after_px=4.0,
     matched=K,
-    blind=0,
+    missed=0,
     rivals=(),
     n_points=500,
 ):
     change = np.array([0.0, math.radians(turn_deg), 0.0, shift_m, 0.0, 0.0, clock_s])
     before_px = after_px + 10.0 * (gain > 0.5)
-    fit = Fit(change, INFORMATION, before_px, after_px, gain, n_points)
-    return Finding(fit, 6.0, 4.0, K, K - blind, matched, blind, tuple(rivals))
+    fit = ChangeFit(change, INFORMATION, before_px, after_px, gain, n_points)
+    return Finding(fit, 6.0, 4.0, K, K - missed, matched, missed, tuple(rivals))
 
 
 GOOD = finding()
 TURNED = finding(2.0, gain=4.0)
 JUMPED = finding(clock_s=-0.1, gain=4.0)
-LOST = finding(matched=0, n_points=0)
+UNMATCHED = finding(matched=0, n_points=0)
 DISAGREES = finding(after_px=35.0)
-BLIND = finding(matched=0, blind=K, n_points=0)
+NO_DETECTIONS = finding(matched=0, missed=K, n_points=0)
 NOBODY = finding(matched=0, n_points=0)
 NOBODY = Finding(NOBODY.fit, 6.0, math.nan, K, 0, 0, 0)
 
 
-def told(*findings, thresholds=None, others=GOOD, away=()):
+def verdicts_on(*findings, thresholds=None, others=GOOD, lead=()):
     """Verdicts on cam1 after each of its findings; None: it has no images."""
     verdicts = {name: Verdict(name) for name in NAMES}
     spans, out = [], []
     for k, own in enumerate(findings):
         found = dict.fromkeys(NAMES, others) | {"cam1": own}
         found = {name: f for name, f in found.items() if f is not None}
-        away_s = {"cam1": away[k]} if k < len(away) and away[k] else {}
-        spans = [*spans, Span(SPAN_S * k, SPAN_S * (k + 1), found, away_s)][-KEPT_SPANS:]
+        lead_s = {"cam1": lead[k]} if k < len(lead) and lead[k] else {}
+        spans = [*spans, Span(SPAN_S * k, SPAN_S * (k + 1), found, lead_s)][-KEPT_SPANS:]
         verdicts = judge(spans, verdicts, thresholds or Thresholds())
         assert not others or not any(verdicts[n].state.alarm for n in ("cam0", "cam2"))
         out.append(verdicts["cam1"])
@@ -59,7 +60,7 @@ def told(*findings, thresholds=None, others=GOOD, away=()):
 
 
 def states(*findings, **given):
-    return [verdict.state for verdict in told(*findings, **given)]
+    return [verdict.state for verdict in verdicts_on(*findings, **given)]
 
 
 def test_one_strange_span_is_no_alarm():
@@ -67,7 +68,7 @@ def test_one_strange_span_is_no_alarm():
 
 
 def test_two_that_agree_are():
-    last = told(GOOD, TURNED, TURNED)[-1]
+    last = verdicts_on(GOOD, TURNED, TURNED)[-1]
     assert last.state is State.MOVED
     assert last.rotation_deg == pytest.approx(2.0)
     assert last.since_s == 2 * SPAN_S
@@ -76,7 +77,7 @@ def test_two_that_agree_are():
 
 
 def test_a_clock():
-    last = told(GOOD, JUMPED, JUMPED)[-1]
+    last = verdicts_on(GOOD, JUMPED, JUMPED)[-1]
     assert (last.state, last.clock_jump_s) == (State.CLOCK, pytest.approx(0.1))
     assert "the clock of cam1 has jumped by +100 ms" in last.sentence()
 
@@ -113,38 +114,38 @@ def test_a_displacement_beside_a_turn_needs_more_evidence():
     assert not any(state.alarm for state in states(*[shifted] * 8))
     clear = finding(1.2, shift_m=0.08, gain=3.5)
     assert states(clear, clear)[-1] is State.MOVED
-    assert "and shifted by 0.08 m" in told(clear, clear)[-1].sentence()
+    assert "and shifted by 0.08 m" in verdicts_on(clear, clear)[-1].sentence()
 
 
 def test_data_of_the_span_of_the_change_is_not_used():
     part = finding(0.7, gain=0.5)
-    assert told(GOOD, part, TURNED, TURNED)[-1].since_s == 3 * SPAN_S
+    assert verdicts_on(GOOD, part, TURNED, TURNED)[-1].since_s == 3 * SPAN_S
 
 
 def test_a_camera_that_moves_on_starts_anew():
     more = finding(9.0, gain=6.0)
-    verdicts = told(GOOD, TURNED, TURNED, more, more, more)
+    verdicts = verdicts_on(GOOD, TURNED, TURNED, more, more, more)
     assert verdicts[2].since_s == 2 * SPAN_S
     assert verdicts[-1].since_s == 4 * SPAN_S
 
 
-def test_it_ends_when_it_is_put_back():
-    verdicts = told(TURNED, TURNED, GOOD, GOOD, GOOD)
+def test_it_ends_when_the_camera_is_moved_back():
+    verdicts = verdicts_on(TURNED, TURNED, GOOD, GOOD, GOOD)
     assert [v.state for v in verdicts[1:]] == [State.MOVED, State.MOVED, State.OK, State.OK]
     assert verdicts[-1].since_s == 3 * SPAN_S
 
 
-def test_it_stays_while_nobody_is_seen():
+def test_it_stays_while_nobody_is_observed():
     assert states(TURNED, TURNED, *[NOBODY] * 8)[-1] is State.MOVED
     assert states(GOOD, *[NOBODY] * 8)[-1] is State.OK
     assert states(*[NOBODY] * 3)[-1] is State.UNKNOWN
     assert states(*[None] * 3)[-1] is State.UNKNOWN
 
 
-@pytest.mark.parametrize("gone", [LOST, DISAGREES], ids=["unmatched", "disagrees"])
-def test_who_matches_nobody_for_long_is_lost(gone):
-    found = told(GOOD, gone, gone, gone)
-    assert [v.state for v in found] == [State.OK, State.OK, State.OK, State.LOST]
+@pytest.mark.parametrize("gone", [UNMATCHED, DISAGREES], ids=["unmatched", "disagrees"])
+def test_a_camera_that_matches_nobody_for_long_raises_an_alarm(gone):
+    found = verdicts_on(GOOD, gone, gone, gone)
+    assert [v.state for v in found] == [State.OK, State.OK, State.OK, State.UNMATCHED]
     assert found[-1].since_s == 2 * SPAN_S
 
 
@@ -153,11 +154,11 @@ def test_noisy_detections_are_no_motion():
     assert not any(state.alarm for state in states(*[noisy] * 8))
 
 
-def test_who_sees_nobody_for_very_long_is_blind():
-    found = states(GOOD, *[BLIND] * KEPT_SPANS)
-    assert found[-2:] == [State.OK, State.BLIND]
-    assert not State.BLIND.changed
-    assert states(TURNED, TURNED, *[BLIND] * 9)[-1] is State.MOVED, "what is known stays so"
+def test_a_camera_without_detections_for_very_long_raises_an_alarm():
+    found = states(GOOD, *[NO_DETECTIONS] * KEPT_SPANS)
+    assert found[-2:] == [State.OK, State.NO_DETECTIONS]
+    assert not State.NO_DETECTIONS.changed
+    assert states(TURNED, TURNED, *[NO_DETECTIONS] * 9)[-1] is State.MOVED, "what is known stays so"
 
 
 def test_two_cameras_name_each_other():
@@ -172,18 +173,18 @@ def test_two_cameras_name_each_other():
     assert found["cam0"].sentence().startswith("cam0 or cam1 has moved")
 
 
-def test_a_span_without_a_rival_tells():
+def test_a_span_without_a_rival_determines_the_camera():
     rival, clear = finding(2.0, gain=4.0, rivals=["cam0"]), TURNED
-    assert told(rival, clear)[-1].suspects == ()
+    assert verdicts_on(rival, clear)[-1].suspects == ()
 
 
 def test_stamps_far_from_the_others():
-    found = told(GOOD, None, None, away=[0.0, 12.0, 12.0])
-    assert [v.state for v in found] == [State.OK, State.OK, State.AWAY]
+    found = verdicts_on(GOOD, None, None, lead=[0.0, 12.0, 12.0])
+    assert [v.state for v in found] == [State.OK, State.OK, State.STAMPS_OFF]
     assert "the stamps of cam1 are 12.0 s ahead of those of the others" in found[-1].sentence()
 
 
-def test_what_the_calibration_promises(small_stages):
+def test_the_expected_residuals_are_those_of_the_calibration(small_stages):
     calibration = small_stages.calibration
     names = [c.name for c in calibration.cameras]
     found = expected_residual_px(calibration, names)

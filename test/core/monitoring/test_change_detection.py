@@ -15,7 +15,7 @@ from stcalib_ros.core.monitoring.change_detection import (
     CLOCK,
     ROTATION,
     SHIFT,
-    _Points,
+    _PointPairs,
     detect_changes,
 )
 from stcalib_ros.core.monitoring.matching import associate_span
@@ -60,8 +60,8 @@ def test_nothing_is_found_where_nothing_has_happened(scene):
     for finding in explained(scene.recording, scene.truth).values():
         assert finding.fit.gain < 0.01
         assert finding.fit.before_px < 0.5
-        assert finding.matched == finding.expected == finding.moments
-        assert finding.blind == 0
+        assert finding.matched == finding.expected == finding.n_steps
+        assert finding.missed == 0
 
 
 def test_the_unit_of_length_does_not_matter(scene):
@@ -81,7 +81,7 @@ def test_two_cameras_that_have_both_moved_are_both_found():
     assert all(found[n].fit.gain < 1.0 for n in ("cam0", "cam2", "cam4"))
 
 
-def test_of_two_cameras_it_cannot_be_told_which():
+def test_of_two_cameras_it_cannot_be_determined_which():
     scene = simulate(replace(EXACT, n_cameras=2, seed=5))
     found = explained(scene.recording, outdated(scene.truth, "cam1", turn=TURN))
     assert (found["cam0"].rivals, found["cam1"].rivals) == (("cam1",), ("cam0",))
@@ -102,7 +102,7 @@ def test_a_camera_without_people_should_have_seen_them(scene):
         replace(c, tracks=()) if c.name == "cam3" else c for c in scene.recording.cameras
     )
     found = explained(replace(scene.recording, cameras=cameras), scene.truth)
-    assert found["cam3"].blind == found["cam3"].moments
+    assert found["cam3"].missed == found["cam3"].n_steps
     assert found["cam3"].fit.n_points == found["cam3"].expected == 0
     assert found["cam0"].matched == found["cam0"].expected > 0
 
@@ -124,8 +124,15 @@ def test_derivatives_are_those_of_the_residuals(seed, change):
     R = exp_so3(rng.standard_normal(3))
     v = np.concatenate([rng.standard_normal((6, 2)), np.zeros((6, 1))], axis=1)
     t = np.tile(rng.standard_normal(3) + np.array([3.0, 0.0, 0.0]), (6, 1))
-    points = _Points(
-        x, v, y @ R.T, t, y, np.tile(R, (6, 1, 1)), rng.uniform(500, 1500, 6), np.ones(6), 6
+    points = _PointPairs(
+        x=x,
+        v=v,
+        y=y @ R.T,
+        t=t,
+        R=np.tile(R, (6, 1, 1)),
+        focal=rng.uniform(500, 1500, 6),
+        noise=np.ones(6),
+        n=6,
     )
     r, J = points.residuals(np.zeros(7))
     # The scale of the Sampson distance is held in the derivative: exact where the residual is 0.

@@ -7,9 +7,10 @@ import pytest
 from core_helpers import SMALL, changed, tracks_changed
 
 from stcalib_ros.core.model.recording import excerpt
-from stcalib_ros.core.monitoring.alarms import KEPT_SPANS, State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
 from stcalib_ros.core.monitoring.matching import associate_span
-from stcalib_ros.core.monitoring.spans import SPAN_S, check_span
+from stcalib_ros.core.monitoring.spans import check_span
 from stcalib_ros.core.synthetic import CameraChange, simulate
 
 LONG = replace(SMALL, n_frames=30 * 18, keypoint_bias_mm=10.0, seed=21)
@@ -35,7 +36,7 @@ def states(history, name):
     return [verdicts[name].state for verdicts in history]
 
 
-def promising(truth, rms_px=6.0):
+def with_residual(truth, rms_px=6.0):
     return replace(truth, reprojection_rms_px=rms_px)
 
 
@@ -44,12 +45,12 @@ def quiet():
     return simulate(LONG)
 
 
-def test_a_camera_that_is_turned_and_put_back():
+def test_a_camera_that_is_turned_and_moved_back():
     scene = simulate(
         LONG,
         changes=[CameraChange(1, 3.0, turn_rad=TURN), CameraChange(1, 11.0, turn_rad=BACK)],
     )
-    history = watched(scene.recording, promising(scene.truth))
+    history = watched(scene.recording, with_residual(scene.truth))
     found = states(history, "cam1")
     first, last = found.index(State.MOVED), len(found) - 1 - found[::-1].index(State.MOVED)
     assert SPAN_S * (first + 1) <= 3.0 + 10.0
@@ -61,7 +62,7 @@ def test_a_camera_that_is_turned_and_put_back():
 
 def test_the_reference_is_watched_too():
     scene = simulate(LONG, changes=[CameraChange(0, 3.0, turn_rad=TURN)])
-    history = watched(scene.recording, promising(scene.truth))
+    history = watched(scene.recording, with_residual(scene.truth))
     assert states(history, "cam0")[-1] is State.MOVED
     assert {states(history, n)[-1] for n in ("cam1", "cam2")} == {State.OK}
 
@@ -72,7 +73,7 @@ def test_bad_detections_are_no_motion(quiet, rng):
         return replace(track, keypoints=track.keypoints + noise)
 
     recording = changed(quiet.recording, "cam1", tracks_changed(noisy))
-    history = watched(recording, promising(quiet.truth))
+    history = watched(recording, with_residual(quiet.truth))
     assert not any(v.state.alarm for verdicts in history for v in verdicts.values())
 
 
@@ -88,15 +89,15 @@ def test_people_who_are_hidden_are_no_motion(quiet):
         )
 
     recording = changed(quiet.recording, "cam2", tracks_changed(hidden))
-    history = watched(recording, promising(quiet.truth))
+    history = watched(recording, with_residual(quiet.truth))
     assert not any(v.state.alarm for verdicts in history for v in verdicts.values())
 
 
 def test_another_camera_in_its_place():
     scene, other = simulate(LONG), simulate(replace(LONG, seed=22))
     recording = changed(scene.recording, "cam1", lambda _: other.recording.cameras[1])
-    history = watched(recording, promising(scene.truth))
-    assert states(history, "cam1")[-1] is State.LOST
+    history = watched(recording, with_residual(scene.truth))
+    assert states(history, "cam1")[-1] is State.UNMATCHED
     assert not any(v[n].state.alarm for v in history for n in ("cam0", "cam2"))
 
 
@@ -107,7 +108,7 @@ def test_nobody_is_expected_where_a_camera_does_not_look(quiet):
         for c in quiet.truth.cameras
     )
     empty = changed(quiet.recording, "cam1", lambda c: replace(c, tracks=()))
-    seen = associate_span(
+    obs = associate_span(
         excerpt(empty, 0.0, 2.0), replace(quiet.truth, cameras=cameras), min_score=0.3
     )
-    assert (seen.expected[1], seen.blind[1]) == (0, 0)
+    assert (obs.expected[1], obs.missed[1]) == (0, 0)

@@ -32,10 +32,10 @@ def calibration(
     [
         (calibration(4, 10, 1.0), False, True, "it has 4 cameras, the one in force has 3"),
         (calibration(2, 900, 0.001), True, False, "it has 2 cameras, the one in force has 3"),
-        (calibration(3, 100, 0.1), False, True, "it rests on 100 image points"),
-        (calibration(3, 99, 0.009), False, True, "its deviations are smaller: 0.009 rad"),
-        (calibration(3, 99, 0.01), False, False, "deviations are not smaller: 0.01 rad against"),
-        (calibration(3, 99, 0.1), True, True, "it was asked for"),
+        (calibration(3, 100, 0.1), False, True, "it has 100 inliers, the one in force has 100"),
+        (calibration(3, 99, 0.009), False, True, "its standard deviations are smaller: 0.009 rad"),
+        (calibration(3, 99, 0.01), False, False, "deviations are not smaller: 0.01 rad, the one"),
+        (calibration(3, 99, 0.1), True, True, "it was requested"),
         (calibration(4, 900, 0.001, Status.DEGENERATE), True, False, "DEGENERATE: why"),
     ],
 )
@@ -48,12 +48,12 @@ def test_it_replaces_the_one_in_force(new, requested, taken, reason):
 @pytest.mark.parametrize(
     ("new", "taken", "reason"),
     [
-        (calibration(3, 99, 0.1), True, "does not hold any more: cam1 has moved"),
+        (calibration(3, 99, 0.1), True, "the one in force is wrong: cam1 has moved"),
         (calibration(2, 900, 0.001), False, "it has 2 cameras"),
         (calibration(3, 900, 0.001, Status.DEGENERATE), False, "DEGENERATE: why"),
     ],
 )
-def test_one_that_does_not_hold_any_more_is_replaced_without_being_beaten(new, taken, reason):
+def test_one_that_is_wrong_is_replaced_by_a_less_supported_one(new, taken, reason):
     decided, said = should_replace(new, calibration(), requested=False, wrong="cam1 has moved")
     assert decided is taken
     assert reason in said

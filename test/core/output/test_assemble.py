@@ -68,7 +68,7 @@ def test_blocks_of_the_joint_covariance_are_those_of_the_cameras(result):
 
 
 def made(stages, recording, **changes):
-    last = stages.rounds[-1]
+    last = stages.iterations[-1]
     covariance = pose_covariance(last.observations, last.state)
     parts = recording, stages.lifted, stages.skeleton, last, covariance
     return make_calibration(
@@ -132,8 +132,8 @@ def test_persons_are_numbered_and_have_their_tracks(result, small_scene):
 
 
 def test_counts_are_of_image_points(result, stages):
-    last = stages.rounds[-1]
-    assert result.n_observations == last.observations.seen.sum()
+    last = stages.iterations[-1]
+    assert result.n_observations == last.observations.observed.sum()
     assert 0.9 * result.n_observations < result.n_inliers <= result.n_observations
 
 

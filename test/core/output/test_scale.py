@@ -15,7 +15,7 @@ from stcalib_ros.core.geometry.lens import project
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.scale_cues import Distance, distances_from_list
 from stcalib_ros.core.output.scale import (
-    LEG_SHARE,
+    LEG_FRACTION,
     InconsistentScale,
     ScaleCue,
     by_distance,
@@ -122,7 +122,7 @@ def test_a_camera_that_is_not_calibrated_tells_nothing(small_scene):
 def test_the_height_of_people_is_the_metre(small_scene):
     joints = small_scene.joints_world(np.arange(0.0, 2.0, 0.1))
     legs = np.mean([[p.lengths[2] + p.lengths[3]] for p in small_scene.people])
-    claim = by_height(LAYOUT, list(joints / 2.5), height_m=legs / LEG_SHARE, sigma_m=0.1)
+    claim = by_height(LAYOUT, list(joints / 2.5), height_m=legs / LEG_FRACTION, sigma_m=0.1)
     assert claim.metres == pytest.approx(2.5, rel=0.02)
     one = by_height(LAYOUT, [joints[0]], height_m=1.7, sigma_m=0.3)
     both = by_height(LAYOUT, list(joints), height_m=1.7, sigma_m=0.3)

@@ -157,8 +157,8 @@ def test_common_motion_is_that_of_the_frame(pitch):
 @pytest.mark.parametrize("pitch", [0.0, 1.3, DOWN - 1e-4, DOWN, DOWN + 1e-4, -DOWN])
 def test_the_heading_is_never_much_less_certain_than_the_tilt(pitch):
     frame = GravityFrame(rotation_looking(pitch), 2.5, np.diag([1e-4, 1e-4, 1e-4]))
-    rig = Rig(np.arange(1), np.eye(3)[None], np.zeros((1, 3)), np.zeros(1), 1)
-    covariance = WorldAlignment(1.0, upright=frame).covariance_of(rig, np.zeros((7, 7)))
+    rig = Rig(np.arange(2), np.tile(np.eye(3), (2, 1, 1)), np.eye(3)[:2], np.zeros(2), 1)
+    covariance = WorldAlignment(1.0, upright=frame).covariance_of(rig, np.zeros((14, 14)))
     assert np.sqrt(covariance[5, 5]) < 5.0 * 1e-2
 
 

@@ -18,7 +18,7 @@ from stcalib_ros.core.paper.em import (
     mixing_proportions,
     responsibilities,
 )
-from stcalib_ros.core.paper.vmf import VonMisesFisher, fit
+from stcalib_ros.core.paper.vmf import fit, log_normaliser
 
 T, S = 4, 7
 seeds = st.integers(0, 2**32 - 1)
@@ -52,7 +52,8 @@ def explicit_log_likelihood(v, model, q, R):
     """``log prod_tau,s f(v; R mu, kappa)`` of one target person, frame by frame."""
     return sum(
         float(
-            VonMisesFisher(R @ model.mu[q, 0, 0, s], model.kappa[q, 0, 0, s]).log_density(v[tau, s])
+            log_normaliser(model.kappa[q, 0, 0, s])
+            + model.kappa[q, 0, 0, s] * (R @ model.mu[q, 0, 0, s]) @ v[tau, s]
         )
         for tau, s in product(range(T), range(S))
     )

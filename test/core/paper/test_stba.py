@@ -45,13 +45,12 @@ def test_velocities_are_the_slopes_of_numpy_window_by_window(rng):
     X = rng.normal(size=(13, 2, 3))
     present = rng.uniform(size=(13, 2)) < 0.8
     V = window_velocities(o, X, present, 5)
-    group = o.person * 100 + o.knot // 5
+    group = o.person * 100 + o.time_bin // 5
     for g in np.unique(group):
         for j in range(2):
             use = (group == g) & present[:, j]
-            expected = (
-                np.polyfit(STEP_S * o.knot[use], X[use, j], 1)[0] if use.sum() > 1 else np.zeros(3)
-            )
+            times = STEP_S * o.time_bin[use]
+            expected = np.polyfit(times, X[use, j], 1)[0] if len(times) > 1 else np.zeros(3)
             assert V[group == g, j] == pytest.approx(np.tile(expected, ((group == g).sum(), 1)))
 
 
@@ -119,7 +118,7 @@ def test_an_association_that_fits_is_kept(scene):
     association, o = discard(done[-1], 3.0)
     for before, after in zip(association_of(scene).person_of, association.person_of, strict=True):
         assert np.array_equal(before, after)
-    assert np.array_equal(o.seen, done[-1].observations.seen)
+    assert np.array_equal(o.observed, done[-1].observations.observed)
     assert association.typical_px == done[-1].median_px
 
 

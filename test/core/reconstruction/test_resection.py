@@ -41,7 +41,7 @@ def with_clock(stages, shift_s):
 
 
 def again(stages, cameras, options=HALF_SECOND):
-    return resect(cameras, 1, stages.skeleton, stages.rounds[-1], options)
+    return resect(cameras, 1, stages.skeleton, stages.iterations[-1], options)
 
 
 @pytest.mark.parametrize("late_s", [-0.3, 0.0, 0.4])
@@ -80,7 +80,7 @@ def test_known_clocks_are_not_searched(four, three):
 
 def test_the_first_camera_of_the_order_becomes_the_reference(three, four):
     found = again(three, with_clock(three, -3600.0))
-    rig = add_cameras(three.rounds[-1].rig, {1: found}, [1, 0, 2, 3])
+    rig = add_cameras(three.iterations[-1].rig, {1: found}, [1, 0, 2, 3])
     assert rig.cameras.tolist() == [1, 0, 2, 3]
     np.testing.assert_allclose(rig.R_ref_cam[0], np.eye(3), atol=1e-12)
     assert not rig.t_ref_cam[0].any()

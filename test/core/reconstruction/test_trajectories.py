@@ -10,7 +10,7 @@ import pytest
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.pipeline import run_stages
-from stcalib_ros.core.reconstruction.trajectories import bones, person_rows, reconstruct
+from stcalib_ros.core.reconstruction.trajectories import bones, person_rows
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.core.synthetic import Scene, SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
@@ -49,7 +49,7 @@ def test_joints_are_where_they_were(scene: Scene, stages: Stages) -> None:
     scale = np.linalg.norm(truth.cameras[1].t_ref_cam) / np.linalg.norm(
         calibration.cameras[1].t_ref_cam
     )
-    people = reconstruct(stages)
+    people = stages.trajectories()
     assert [p.person_id for p in people] == [p.person_id for p in calibration.persons] == [0, 1]
     for trajectory, person in zip(people, calibration.persons, strict=True):
         true = scene.joints_ref(trajectory.times_s)[true_person(scene, dict(person.tracks))]
@@ -62,7 +62,7 @@ def test_joints_are_where_they_were(scene: Scene, stages: Stages) -> None:
 
 
 def test_times_are_uniform_and_cover_the_recording(scene: Scene, stages: Stages) -> None:
-    for trajectory in reconstruct(stages):
+    for trajectory in stages.trajectories():
         assert np.diff(trajectory.times_s) == pytest.approx(1 / 30.0, abs=1e-6)
         assert len(trajectory.times_s) == len(trajectory.joints_ref)
         assert np.ptp(trajectory.times_s) > 4.0
@@ -74,27 +74,27 @@ def test_the_unit_is_that_of_the_calibration(scene: Scene) -> None:
     stages = run_stages(dataclasses.replace(scene.recording, cameras=cameras))
     assert np.linalg.norm(stages.calibration.cameras[1].t_ref_cam) == pytest.approx(1.0)
     baseline = np.linalg.norm(scene.truth.cameras[1].t_ref_cam)
-    (first, _) = reconstruct(stages)
+    (first, _) = stages.trajectories()
     height = np.nanmedian(np.ptp(first.joints_ref, axis=1).max(-1))
     assert height * baseline == pytest.approx(1.6, abs=0.4)
 
 
-def test_each_person_has_rows_of_his_own(stages: Stages) -> None:
-    rows = person_rows(stages)
+def test_each_person_has_rows_of_their_own(stages: Stages) -> None:
+    rows = person_rows(stages.lifted, stages.iterations[-1])
     assert not set(rows[0]) & set(rows[1])
-    persons = stages.rounds[-1].observations.person
+    persons = stages.iterations[-1].observations.person
     assert all(len(set(persons[r])) == 1 for r in rows)
 
 
 def test_nobody_without_a_calibration() -> None:
     stages = run_stages(simulate(dataclasses.replace(OPTIONS, n_cameras=1)).recording)
     assert stages.calibration.cameras == ()
-    assert reconstruct(stages) == ()
+    assert stages.trajectories() == ()
     assert stages.placement is None
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_bones_hang_together_from_hips_to_wrists(name: str) -> None:
+def test_bones_connect_hips_and_wrists(name: str) -> None:
     layout = LAYOUTS[name]
     joined = {layout.joint_names.index("left_wrist")}
     for _ in layout.joint_names:

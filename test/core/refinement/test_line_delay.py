@@ -9,13 +9,15 @@ import pytest
 from bundle_helpers import problem, stepped
 from core_helpers import HALF_SECOND, error
 
-from stcalib_ros.core.bundle.normal_equations import Block, Cameras
+from stcalib_ros.core.bundle.normal_equations import Block
+from stcalib_ros.core.bundle.parameters import LINE_DELAY, POSE_AND_CLOCK, ParameterLayout
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.model.rolling_shutter import line_time_text, with_known_line_times
+from stcalib_ros.core.model.rolling_shutter import with_known_line_times
 from stcalib_ros.core.options import Options, RegistrationOptions
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
+from stcalib_ros.wording import line_delay_text
 
 ESTIMATE = replace(HALF_SECOND, estimate_line_time=True)
 LINES_S = (25e-6, 0.0, 20e-6)
@@ -37,15 +39,15 @@ def found(scene):
 def test_the_normal_equations_are_those_of_central_differences(rng):
     """Of the cost that is left when the points have followed, written out densely."""
     p = problem(rng, sigma_px=0.5, missing=0.1)
-    N, C, J = p.o.seen.shape
+    N, C, J = p.o.observed.shape
     o = replace(p.o, row=rng.uniform(-400, 400, (N, C, J)), line_s=np.zeros(C))
-    scale = 1e6
+    scale, every = 1e6, np.ones(C, dtype=bool)
+    layout = ParameterLayout(C).with_unknown(LINE_DELAY, every)
 
     def residual(state, line_s):
         moved = replace(o, line_s=line_s)
-        block = Block(moved, state.used, state.V, state.A, slice(0, N))
-        cameras = Cameras(state.R_cam_ref, state.t_cam_ref, state.shift_s)
-        at = block.at(cameras, state.X.reshape(-1, 3)[block.points])
+        block = Block(moved, state.inlier, state.V, state.A, slice(0, N))
+        at = block.at(state.cameras, state.X.reshape(-1, 3)[block.points], layout)
         return at, (at.r * block.mask[:, None]).ravel()
 
     at, r = residual(p.truth, np.zeros(C))
@@ -71,7 +73,10 @@ def test_the_normal_equations_are_those_of_central_differences(rng):
     free = np.abs(b).max(0) > 0
     b = b[:, free]
     follow = np.linalg.solve(b.T @ b, np.c_[b.T @ a, b.T @ r])
-    H, scores = at.with_lines(scale)
+    system, scores = at.scores(scale)
+    standard = [layout.columns(one) for one in POSE_AND_CLOCK]
+    order = np.r_[np.concatenate(standard, 1).ravel(), layout.scalars(LINE_DELAY)]
+    H, scores = system.H[np.ix_(order, order)], scores[order]
     unit = np.sqrt(np.diag(H))
     np.testing.assert_allclose(
         H / np.outer(unit, unit), (a.T @ (a - b @ follow[:, :-1])) / np.outer(unit, unit), atol=1e-4
@@ -85,7 +90,7 @@ def test_line_times_are_found_within_their_deviations(found):
         assert camera.line_time_s == pytest.approx(line_s, abs=4e-6)
         assert abs(camera.line_time_s - line_s) < 3.0 * camera.line_time_stddev_s
         assert camera.line_time_stddev_s < 3e-6
-        assert "+-" in line_time_text(camera)
+        assert "+-" in line_delay_text(camera)
 
 
 def test_estimated_is_nearly_as_good_as_given(scene, found):
@@ -130,7 +135,7 @@ def test_what_the_recording_does_not_tell_stays_as_given():
     for camera in found.cameras:
         assert camera.line_time_s == (5e-6 if camera.name == "cam1" else 0.0)
         assert camera.line_time_stddev_s * camera.intrinsics.height > 8e-3
-        assert "not told" in line_time_text(camera)
+        assert "not observable" in line_delay_text(camera)
 
 
 def test_the_method_of_the_paper_takes_them_as_given():

@@ -209,7 +209,7 @@ def test_refinement_reaches_the_optimum_of_its_cost():
         0, 1, rig.R_ref_cam[1], rig.t_ref_cam[1], -rig.offset_s[1], ((0, 0), (1, 1), (2, 2)), 1.0
     )
     start = disturbed(truth, degrees=3, frames=0.5)
-    refined = refine_pair(cameras, start, iterations=50)
+    refined = refine_pair(cameras, start)
     reached, best = scipy_optimum(cameras, start, refined)
     assert reached < best + 2e-3 * abs(best)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +12,10 @@ from core_helpers import EXACT, FRAME_S, lifted, true_rig
 
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.options import RegistrationOptions
+from stcalib_ros.core.registration import voting
+from stcalib_ros.core.registration.correlation import PairCovariance
 from stcalib_ros.core.registration.resampling import GridTracks, sample_camera
-from stcalib_ros.core.registration.voting import register_pair
+from stcalib_ros.core.registration.voting import _greedy, register_pair
 from stcalib_ros.core.synthetic import simulate
 
 MAX_LAG = 20
@@ -174,3 +178,76 @@ def test_twelve_shared_samples_are_needed(pair, shared):
     end = 10 + shared
     a.oriented[:, end:], a.position[:, end:] = 0, np.nan
     assert bool(register(a, b)) == (shared >= 12)
+
+
+def dense_greedy(gain, conflict):
+    """Greedy choice by a table of all conflicts, one row after the other."""
+    chosen = np.zeros(gain.shape, dtype=bool)
+    for row, left in enumerate(gain.copy()):
+        while left[best := int(left.argmax())] > 0:
+            chosen[row, best] = True
+            left[conflict[best]] = -np.inf
+    return chosen
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_greedy_choice_is_that_by_a_dense_table_of_conflicts(seed):
+    rng = np.random.default_rng(seed)
+    P, Q = rng.integers(1, 8, 2)
+    overlap_a, overlap_b = (
+        (m := rng.uniform(size=(n, n)) < 0.4) | m.T | np.eye(n, dtype=bool) for n in (P, Q)
+    )
+    pairs = np.indices((P, Q)).reshape(2, -1).T
+    gain = rng.normal(size=(5, P * Q))
+    same_p = np.eye(P, dtype=bool)[:, None, :, None] & overlap_b[None, :, None, :]
+    same_q = np.eye(Q, dtype=bool)[None, :, None, :] & overlap_a[:, None, :, None]
+    conflict = (same_p | same_q).reshape(P * Q, P * Q)
+    np.testing.assert_array_equal(
+        _greedy(gain, pairs, overlap_a, overlap_b), dense_greedy(gain, conflict)
+    )
+
+
+def fragments(tracks, n):
+    """The same tracks, each cut into n pieces with an id of their own."""
+    N = tracks.position.shape[1]
+    cuts = np.linspace(0, N, n + 1).astype(int)
+    pieces = []
+    for begin, end in itertools.pairwise(cuts):
+        oriented = np.zeros_like(tracks.oriented)
+        position = np.full_like(tracks.position, np.nan)
+        oriented[:, begin:end] = tracks.oriented[:, begin:end]
+        position[:, begin:end] = tracks.position[:, begin:end]
+        pieces.append(replace(tracks, oriented=oriented, position=position))
+    return joined(*pieces)
+
+
+def covariance_at_lag_zero(a, b, *, max_lag):
+    """What `cross_covariance` gives for no lag but zero, without thousands of transforms."""
+    P, N, D, _ = a.oriented.shape
+    flat = [t.oriented.transpose(0, 3, 1, 2).reshape(-1, N * D) for t in (a, b)]
+    S = (flat[0] @ flat[1].T).reshape(P, 3, -1, 3).transpose(0, 2, 1, 3)[:, :, None]
+    mass = a.weight.reshape(P, -1) @ b.weight.reshape(len(b.weight), -1).T
+    overlap = a.present.astype(float) @ b.present.astype(float).T
+    return PairCovariance(
+        S.astype(float), mass.astype(float)[..., None], overlap[..., None], np.array([0])
+    )
+
+
+def test_hundreds_of_fragments_a_camera_need_little_memory(monkeypatch):
+    """A table of the conflicts of all track pairs would take 26 GB for 400 fragments a camera."""
+    monkeypatch.setattr(voting, "cross_covariance", covariance_at_lag_zero)
+    rng = np.random.default_rng(1)
+    N, n_people, n_pieces = 2000, 4, 100
+    directions = rng.standard_normal((n_people, N, 6, 3))
+    oriented = (directions / np.linalg.norm(directions, axis=-1, keepdims=True)).astype(np.float32)
+    whole = GridTracks("a", 0.0, FRAME_S, oriented, rng.uniform(-2, 2, (n_people, N, 3)))
+    cut = fragments(whole, n_pieces)
+    assert len(cut.position) == 400
+    few = RegistrationOptions(n_candidates=8, n_hypotheses=2)
+    tracemalloc.start()
+    found = register_pair(0, 1, cut, replace(cut, name="b"), 0, few)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 3e8
+    assert rotation_angle(found[0].R_a_b) < 1e-3
+    assert {(p, p) for p in range(400)} == set(found[0].matches)

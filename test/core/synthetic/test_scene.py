@@ -8,9 +8,10 @@ import pytest
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.evaluation.metrics import evaluate
+from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.core.synthetic import SceneOptions, SceneRig, simulate
-from stcalib_ros.core.synthetic.rigs import image_of, staged
+from stcalib_ros.core.synthetic.rigs import staged
 from stcalib_ros.io.mocap import shipped_clips
 
 CLIPS = shipped_clips()
@@ -109,7 +110,7 @@ def test_a_faster_camera_sees_the_same_motion():
     )
     keypoints, _ = observed(scene, 1)
     true_cam = points_cam(scene, 1, fast)
-    expected = image_of(true_cam, scene.rig.intrinsics[1])
+    expected = project_visible(true_cam, scene.rig.intrinsics[1])
     seen = np.isfinite(keypoints[..., 0])
     np.testing.assert_allclose(keypoints[seen], expected[seen], atol=1e-6)
 
@@ -130,7 +131,7 @@ def test_keypoint_noise_has_the_stated_sigma():
         keypoints, _ = observed(scene, c)
         errors.append(
             keypoints
-            - image_of(points_cam(scene, c, scene.exposures_s[c]), scene.rig.intrinsics[c])
+            - project_visible(points_cam(scene, c, scene.exposures_s[c]), scene.rig.intrinsics[c])
         )
     error = np.concatenate(errors).ravel()
     error = error[np.isfinite(error)]
@@ -279,7 +280,7 @@ def test_nothing_is_seen_beyond_the_image_or_where_the_lens_model_folds():
     K = np.array([[900.0, 0, 960], [0, 900, 540], [0, 0, 1]])
     lens = Intrinsics(1920, 1080, LensModel.PLUMB_BOB, K, np.array([-0.4, 0, 0, 0, 0]))
     points = np.array([[0, 0, 1.0], [0, 0, -1.0], [1.5, 0, 1], [0.5, 0, 1], [0, 0.9, 1]])
-    seen = np.isfinite(image_of(points, lens)[:, 0])
+    seen = np.isfinite(project_visible(points, lens)[:, 0])
     assert seen.tolist() == [True, False, False, True, False]
 
 
@@ -290,8 +291,8 @@ def test_nothing_is_seen_beyond_the_image_or_where_the_lens_model_folds():
         ({"n_frames": 1}, "n_frames must be at least 2"),
         ({"sigma_px": -1.0}, "sigma_px must be at least 0"),
         ({"sigma_px": float("nan")}, "sigma_px must be at least 0, got nan"),
-        ({"missing": 1.0}, "missing must be a share"),
-        ({"drop_rate": -0.1}, "drop_rate must be a share"),
+        ({"missing": 1.0}, "missing must be a fraction"),
+        ({"drop_rate": -0.1}, "drop_rate must be a fraction"),
         ({"people": "robots"}, "expected one of mocap, procedural, standing, gesturing"),
         ({"fps": (30.0, 25.0)}, "2 rates for 4 cameras"),
         ({"fps": 0.0}, "fps must be above 0"),

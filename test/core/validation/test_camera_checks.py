@@ -91,7 +91,7 @@ def test_decisions_follow_the_limits_given(name):
 
 @pytest.fixture(scope="module")
 def last(small_stages):
-    return small_stages.rounds[-1]
+    return small_stages.iterations[-1]
 
 
 def checks_of(stages, last):

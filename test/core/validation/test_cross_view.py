@@ -19,7 +19,7 @@ from stcalib_ros.core.validation.cross_view import (
 
 @pytest.fixture(scope="module")
 def last(small_stages):
-    return small_stages.rounds[-1]
+    return small_stages.iterations[-1]
 
 
 def test_a_turned_camera_contradicts_its_bones(small_stages, last):

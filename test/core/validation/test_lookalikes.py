@@ -27,8 +27,8 @@ def scene(paths, views):
     for c, persons in enumerate(views):
         used[np.isin(person, persons), c] = True
     return SimpleNamespace(
-        observations=SimpleNamespace(person=person, knot=knot),
-        state=SimpleNamespace(X=np.concatenate(paths), used=used),
+        observations=SimpleNamespace(person=person, time_bin=knot),
+        state=SimpleNamespace(X=np.concatenate(paths), inlier=used),
     )
 
 
@@ -69,5 +69,5 @@ def test_one_person_has_no_double(walk):
 def test_a_double_who_is_gone_is_none(walk):
     gone = scene([walk, walk + STEP], [[0, 1], [0, 1], [0]])
     o = gone.observations
-    gone.state.used[(o.person == 1) & (o.knot < K // 2)] = False
+    gone.state.inlier[(o.person == 1) & (o.time_bin < K // 2)] = False
     assert has_lookalike_alternative(gone).tolist() == [False] * 3

@@ -18,7 +18,7 @@ PERIOD_S = 0.8
 
 
 def ambiguity_of(stages):
-    return find_ambiguity(stages.lifted, stages.skeleton, stages.rounds[-1])
+    return find_ambiguity(stages.lifted, stages.skeleton, stages.iterations[-1])
 
 
 def rejections_of(calibration, reason):
@@ -84,7 +84,7 @@ def test_people_who_move_alike_are_named(monkeypatch):
 def test_people_on_one_line_are_noticed(small_stages):
     standing = SceneOptions(n_people=2, people="gesturing", n_frames=120, seed=6001)
     stages = run_stages(simulate(standing).recording, HALF_SECOND)
-    assert is_collinear(stages.rounds[-1])
-    assert not is_collinear(small_stages.rounds[-1])
+    assert is_collinear(stages.iterations[-1])
+    assert not is_collinear(small_stages.iterations[-1])
     found = ambiguity_of(stages).rejections()
     assert RejectionReason.COLLINEAR_MOTION in [r.reason for r in found]

@@ -12,7 +12,7 @@ from stcalib_ros.core.validation.offset_ambiguity import offset_peak_ratios
 
 @pytest.fixture(scope="module")
 def last(small_stages):
-    return small_stages.rounds[-1]
+    return small_stages.iterations[-1]
 
 
 def with_repeated_motion(last, frames):

@@ -23,7 +23,7 @@ NAMES = ["cam0", "cam1", "cam2"]
 
 @pytest.fixture(scope="module")
 def last(small_stages):
-    return small_stages.rounds[-1]
+    return small_stages.iterations[-1]
 
 
 def said(last, **changes):
@@ -98,11 +98,11 @@ def test_shared_time_is_that_of_common_knots(last):
 
 def rates(last, ppm, skew=0.0):
     stddev = np.array([0.0, *1e-6 * np.array(ppm)])
-    return replace(last, clocks=ClockSkews(np.array([0.0, skew, 0.0]), stddev, 0.0))
+    return replace(last, clock_skews=ClockSkews(np.array([0.0, skew, 0.0]), stddev, 0.0))
 
 
 def test_why_clock_skews_are_not_estimated_is_said_with_the_number(last):
-    length_s = np.ptp(last.observations.knot) * last.observations.step_s
+    length_s = np.ptp(last.observations.time_bin) * last.observations.step_s
     (remark,) = unobservable_clock_skews(rates(last, (40.0, 80.0)))
     assert remark.code is RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE
     assert remark.values == pytest.approx(
@@ -117,9 +117,9 @@ def test_of_a_clip_without_any_information_only_its_length_is_said(last):
 
 def test_skews_that_are_observable_or_not_asked_for_need_no_remark(last):
     assert unobservable_clock_skews(rates(last, (5.0, 5.0), skew=2e-6))
-    observable = replace(last, clocks=ClockSkews(np.full(3, 2e-6), np.full(3, 4e-6), 0.0))
+    observable = replace(last, clock_skews=ClockSkews(np.full(3, 2e-6), np.full(3, 4e-6), 0.0))
     assert unobservable_clock_skews(observable) == ()
-    assert unobservable_clock_skews(replace(last, clocks=None)) == ()
+    assert unobservable_clock_skews(replace(last, clock_skews=None)) == ()
 
 
 def test_a_short_clip_says_it_in_its_remarks(small_stages):

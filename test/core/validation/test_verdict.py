@@ -26,12 +26,12 @@ from stcalib_ros.core.validation.verdict import (
 
 @pytest.fixture(scope="module")
 def solution(small_stages):
-    last = small_stages.rounds[-1]
+    last = small_stages.iterations[-1]
     covariance = pose_covariance(last.observations, last.state)
     views = small_stages.lifted, small_stages.skeleton
     found = check_cameras(*views, last, covariance, offset_range_s=0.5)
     names = tuple(camera.name for camera in small_stages.lifted)
-    return Solution(small_stages.rounds, covariance, found, Exclusions(names, 0.5), unsettled=0)
+    return Solution(small_stages.iterations, covariance, found, Exclusions(names, 0.5), unsettled=0)
 
 
 @pytest.fixture
@@ -101,8 +101,9 @@ def test_what_still_moves_has_not_converged(solution, verdict):
 
 def test_a_correction_by_the_refinement_does_not_count_as_unsettled(small_scene, monkeypatch):
     def correcting(*args, **kwargs):
-        iterations, covariance = refine(*args, **kwargs)
-        return (*iterations[:-1], turned(iterations[-1]), iterations[-1]), covariance
+        refined = refine(*args, **kwargs)
+        *first, last = refined.iterations
+        return replace(refined, iterations=(*first, turned(last), last))
 
     monkeypatch.setattr("stcalib_ros.core.solution.refine", correcting)
     assert calibrate(small_scene.recording, HALF_SECOND).status is Status.OK

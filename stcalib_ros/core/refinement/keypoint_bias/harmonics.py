@@ -12,15 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.model.keypoint_layouts import Layout
-
-_TRUNK = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
+from stcalib_ros.core.model.keypoint_layouts import TRUNK_JOINTS, Layout
 
 DEGREES = (1, 2, 3)
-"""Of the spherical harmonics."""
+"""Degrees of the spherical harmonics of the viewing direction. Three: a bias that differs between
+front, sides and back; higher ones are not observable in clips of seconds."""
 
 DEGREE_OF = np.array([d for d in DEGREES for _ in range(2 * d + 1)])
-"""Degree (B,) of every harmonic."""
+"""Degree (B,) of every harmonic: 2 d + 1 harmonics of each degree d."""
 
 
 def harmonics(u: Float64Array, degrees: Sequence[int] = DEGREES) -> Float64Array:
@@ -51,9 +50,9 @@ def harmonics(u: Float64Array, degrees: Sequence[int] = DEGREES) -> Float64Array
 
 def trunk_of(layout: Layout) -> tuple[int, ...] | None:
     """Left and right hip, left and right shoulder; None in layouts that lack one."""
-    if not set(_TRUNK) <= set(layout.joint_names):
+    if not set(TRUNK_JOINTS) <= set(layout.joint_names):
         return None
-    return tuple(layout.index(name) for name in _TRUNK)
+    return tuple(layout.index(name) for name in TRUNK_JOINTS)
 
 
 def body_frames(

@@ -1,4 +1,4 @@
-"""Cameras, joint positions and key point biases that explain the image points best together."""
+"""Cameras, joint positions and keypoint biases that explain the keypoints best together."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stcalib_ros.core.bundle.levenberg_marquardt import solve_reduced
-from stcalib_ros.core.bundle.normal_equations import CAMERA, Cameras, ReducedSystem
+from stcalib_ros.core.bundle.covariance import EliminatedUnknown
+from stcalib_ros.core.bundle.normal_equations import ReducedSystem
 from stcalib_ros.core.bundle.observations import Observations
-from stcalib_ros.core.bundle.residuals import errors_px, robust_scale
+from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
+from stcalib_ros.core.bundle.residuals import noise_px
 from stcalib_ros.core.bundle.state import BundleState, person_rows_of
-from stcalib_ros.core.geometry.robust import CAUCHY, MIN_SCALE_PX, RAYLEIGH_MEDIAN
-from stcalib_ros.core.geometry.so3 import exp_so3
+from stcalib_ros.core.geometry.robust import CAUCHY, LEAST_SHARE, MIN_SCALE_PX, RAYLEIGH_MEDIAN
 from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.refinement.evidence import renewed_variance
 from stcalib_ros.core.refinement.keypoint_bias.harmonics import (
     DEGREE_OF,
     DEGREES,
@@ -24,16 +25,26 @@ from stcalib_ros.core.refinement.keypoint_bias.harmonics import (
 from stcalib_ros.core.refinement.keypoint_bias.normal_equations import (
     Part,
     follow,
-    look,
     person_sums,
+    project,
 )
 
 _CHUNK = 64
+"""Rows of one part. Numerical: so that its arrays fit into the cache."""
+
 _FIRST_SPREAD = 0.02
+"""Fraction of the length of the trunk. Standard deviation of the biases to start from: those of
+detectors are one to three centimetres. Numerical: the evidence decides."""
+
 _LEAST_SPREAD = 1e-5
+"""Fraction of the length of the gauge. Smallest standard deviation. Numerical."""
+
 _ITERATIONS = 10
-_SETTLED = 0.3
-_LEAST_SHARE = 0.2
+"""Count. Gauss-Newton steps at most. Numerical."""
+
+_CONVERGED = 0.3
+"""Standard deviations. Done when a step moves the cameras by less; the adjustment of all keypoints
+goes on from there. Numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +61,7 @@ class BiasFit:
     variance : (B,) ndarray
         Of the prior of the coefficients.
     sigma_px : float
-        Noise of the image points, per axis.
+        Noise of the keypoints, per axis.
     """
 
     cameras: Cameras
@@ -67,54 +78,61 @@ class EliminatedBiases:
     Attributes
     ----------
     system : ReducedSystem
-    known : (7 C, 7 C) ndarray
+    known : (n, n) ndarray
         Normal equations of the cameras if the biases were known.
     inverse : (P, J, 3 B, 3 B) ndarray
         Covariance of the biases, cameras given.
-    told : (P, J, 3 B) ndarray
-        What the image points say about each of them: diagonal of their normal equations.
+    observed : (P, J, 3 B) ndarray
+        What the keypoints know of each of them: diagonal of their normal equations.
     gradient : (P, J, 3 B) ndarray
-    mixed : (P, J, 3 B, 7 C) ndarray
+    mixed : (P, J, 3 B, n) ndarray
     """
 
     system: ReducedSystem
     known: Float64Array
     inverse: Float64Array
-    told: Float64Array
+    observed: Float64Array
     gradient: Float64Array
     mixed: Float64Array
 
     def hints_at_biases(self) -> bool:
-        """Whether some harmonics of a small variance would explain the image points better.
+        """Whether some harmonics of a small variance would explain the keypoints better.
 
         At a fit without biases. The score test: the marginal likelihood rises with a variance
         from zero on if the squares of the gradient are larger than noise makes them.
         """
-        squares, told = (
-            v.reshape(-1, len(DEGREE_OF)).sum(0) for v in (self.gradient**2, self.told)
+        squares, observed = (
+            v.reshape(-1, len(DEGREE_OF)).sum(0) for v in (self.gradient**2, self.observed)
         )
-        return any(squares[d == DEGREE_OF].sum() > told[d == DEGREE_OF].sum() for d in DEGREES)
+        return any(squares[d == DEGREE_OF].sum() > observed[d == DEGREE_OF].sum() for d in DEGREES)
 
-    def taken(self, variance: Float64Array) -> Float64Array:
-        """Degrees of freedom (B,) that the biases take up, by harmonic."""
+    def determined(self, variance: Float64Array) -> Float64Array:
+        """Numbers (B,) of coefficients that the keypoints determine, by harmonic."""
         diagonal = np.diagonal(self.inverse, axis1=-2, axis2=-1)
-        share = 1.0 - diagonal / np.tile(variance, 3)
-        return np.asarray(share.reshape(-1, 3, len(variance)).sum((0, 1)))
+        fraction = 1.0 - diagonal / np.tile(variance, 3)
+        return np.asarray(fraction.reshape(-1, 3, len(variance)).sum((0, 1)))
+
+    def unknown(self, person: int, joint: int) -> EliminatedUnknown:
+        """The coefficients (3 B) of the bias of one joint, as the covariance has it."""
+        conditional = self.inverse[person, joint]
+        return EliminatedUnknown(conditional, -conditional @ self.mixed[person, joint])
 
 
-def parts_of(o: Observations, s: BundleState, trunk: tuple[int, ...]) -> Iterator[Part]:
-    """All image points, a few rows of one person at a time."""
+def parts_of(obs: Observations, s: BundleState, trunk: tuple[int, ...]) -> Iterator[Part]:
+    """All keypoints, a few rows of one person at a time."""
     centres = -np.einsum("cji,cj->ci", s.R_cam_ref, s.t_cam_ref)
-    for person, rows in enumerate(person_rows_of(o)):
+    for person, rows in enumerate(person_rows_of(obs)):
         for begin in range(rows.start, rows.stop, _CHUNK):
             part = slice(begin, min(begin + _CHUNK, rows.stop))
             R, direction = body_frames(s.X[part], trunk, centres)
             yield Part(
                 person,
                 part,
-                o.x[part].transpose(1, 3, 2, 0).copy(),
-                (o.focal[part] * s.used[part]).transpose(1, 2, 0).copy(),
-                o.elapsed(part).transpose(1, 2, 0).copy(),
+                obs.x[part].transpose(1, 3, 2, 0).copy(),
+                (obs.focal[part] * s.inlier[part]).transpose(1, 2, 0).copy(),
+                obs.elapsed(part).transpose(1, 2, 0).copy(),
+                obs.since_middle(part),
+                None if obs.row is None else obs.row[part].transpose(1, 2, 0).copy(),
                 s.V[part].transpose(2, 1, 0).copy(),
                 s.A[part].transpose(2, 1, 0).copy(),
                 R,
@@ -123,40 +141,49 @@ def parts_of(o: Observations, s: BundleState, trunk: tuple[int, ...]) -> Iterato
 
 
 class Problem:
-    """The image points of a round, and how the people stood.
+    """The keypoints of a round, and how the people stood.
 
     Parameters
     ----------
-    o : Observations
+    obs : Observations
     state : BundleState
         Joints that body axes and motion are read from.
     trunk : tuple of int
         As `trunk_of` gives it.
+    layout : ParameterLayout, optional
+        Unknowns of the cameras; default: poses and time offsets.
     """
 
-    def __init__(self, o: Observations, state: BundleState, trunk: tuple[int, ...]) -> None:
-        self.o, self.state, self.trunk = o, state, trunk
-        self.parts = tuple(parts_of(o, state, trunk))
+    def __init__(
+        self,
+        obs: Observations,
+        state: BundleState,
+        trunk: tuple[int, ...],
+        layout: ParameterLayout | None = None,
+    ) -> None:
+        self.obs, self.state, self.trunk = obs, state, trunk
+        self.layout = layout or state.layout
+        self.parts = tuple(parts_of(obs, state, trunk))
 
     def start(self) -> BiasFit:
         """Without biases; those to be expected are a few percent of the trunk."""
-        o, s = self.o, self.state
+        obs, s = self.obs, self.state
         low_left, low_right, high_left, high_right = (s.X[:, j] for j in self.trunk)
         upward = high_left + high_right - low_left - low_right
         trunk = np.linalg.norm(upward, axis=-1) / 2.0
         n_persons = 1 + self.parts[-1].person
         return BiasFit(
-            Cameras(s.R_cam_ref, s.t_cam_ref, s.shift_s),
+            s.cameras,
             tuple(s.X[part.rows].transpose(2, 1, 0).copy() for part in self.parts),
-            np.zeros((n_persons, o.x.shape[2], 3, len(DEGREE_OF))),
+            np.zeros((n_persons, obs.x.shape[2], 3, len(DEGREE_OF))),
             np.full(len(DEGREE_OF), float((_FIRST_SPREAD * np.median(trunk)) ** 2)),
-            max(robust_scale(errors_px(o, s), s.used), MIN_SCALE_PX),
+            noise_px(obs, s),
         )
 
     def solve(self) -> tuple[BiasFit, EliminatedBiases] | None:
         """The optimum and the system there; None where nothing hints at biases.
 
-        By Gauss-Newton steps, the strength of the priors estimated anew after each.
+        By Gauss-Newton steps, the variances of the priors estimated anew after each.
         """
         fit = self.start()
         e = self.eliminate(fit)
@@ -165,24 +192,20 @@ class Problem:
         for _ in range(_ITERATIONS):
             fit, length = self.step(fit, e)
             e = self.eliminate(fit)
-            if length < _SETTLED:
+            if length < _CONVERGED:
                 break
         return fit, e
 
     def step(self, fit: BiasFit, e: EliminatedBiases) -> tuple[BiasFit, float]:
         """One step by the system there, and how many standard deviations the cameras moved."""
-        d = -solve_reduced(e.system, fit.cameras.t, synchronised=self.state.synchronised)
+        d = -self.layout.solve(e.system.H, e.system.g, fit.cameras)
         flat = d.ravel()
         d_bias = -np.einsum("pjab,pjb->pja", e.inverse, e.gradient + e.mixed @ flat)
-        cameras = Cameras(
-            exp_so3(d[:, :3]) @ fit.cameras.R,
-            fit.cameras.t + d[:, 3:6],
-            fit.cameras.shift + d[:, 6],
-        )
+        cameras = self.layout.retract(fit.cameras, d)
         moved = replace(fit, cameras=cameras, bias=fit.bias + d_bias.reshape(fit.bias.shape))
         moved = self._rescaled(replace(moved, X=self.followed(moved)))
         length = max(float(flat @ e.system.H @ flat), 0.0) ** 0.5
-        return self._renewed(moved, e.taken(fit.variance)), length
+        return self._renewed(moved, e.determined(fit.variance)), length
 
     def followed(self, fit: BiasFit) -> tuple[Float64Array, ...]:
         """Joints that suit the cameras and biases of a fit best."""
@@ -193,38 +216,38 @@ class Problem:
         )
 
     def _rescaled(self, fit: BiasFit) -> BiasFit:
-        """The same with the first baseline as long as at the start."""
-        t = fit.cameras.t
-        grow = float(np.linalg.norm(self.state.t_cam_ref[1]) / np.linalg.norm(t[1]))
-        cameras = replace(fit.cameras, t=grow * t)
-        return replace(fit, cameras=cameras, X=tuple(grow * X for X in fit.X), bias=grow * fit.bias)
+        """The same with the length of the gauge that the start has."""
+        grow = self.state.cameras.length() / fit.cameras.length()
+        X = tuple(grow * one for one in fit.X)
+        return replace(fit, cameras=fit.cameras.scaled(grow), X=X, bias=grow * fit.bias)
 
-    def _renewed(self, fit: BiasFit, taken: Float64Array) -> BiasFit:
-        """Noise, and variances of the biases by MacKay's fixed point: one per degree."""
+    def _renewed(self, fit: BiasFit, determined: Float64Array) -> BiasFit:
+        """Noise, and variances of the biases by their evidence: one per degree."""
         squares = (fit.bias**2).sum((0, 1, 2))
+        least = (_LEAST_SPREAD * fit.cameras.length()) ** 2
         variance = fit.variance.copy()
         for degree in DEGREES:
             mine = degree == DEGREE_OF
-            variance[mine] = squares[mine].sum() / max(taken[mine].sum(), 1e-9)
-        least = (_LEAST_SPREAD * float(np.linalg.norm(fit.cameras.t[1]))) ** 2
+            variance[mine] = renewed_variance(squares[mine].sum(), determined[mine].sum(), least)
         errors = np.sqrt(np.concatenate(list(self._squares(fit))))
-        points = sum(int(((part.focal > 0.0).sum(0) >= 2).sum()) for part in self.parts)
-        share = 1.0 - (1.5 * points + 0.5 * float(taken.sum())) / len(errors)
-        sigma = float(np.median(errors)) / RAYLEIGH_MEDIAN / max(share, _LEAST_SHARE) ** 0.5
-        return replace(fit, variance=np.maximum(variance, least), sigma_px=max(sigma, MIN_SCALE_PX))
+        points = sum(int(part.triangulated().sum()) for part in self.parts)
+        fraction = 1.0 - (1.5 * points + 0.5 * float(determined.sum())) / len(errors)
+        sigma = float(np.median(errors)) / RAYLEIGH_MEDIAN / max(fraction, LEAST_SHARE) ** 0.5
+        return replace(fit, variance=variance, sigma_px=max(sigma, MIN_SCALE_PX))
 
     def eliminate(self, fit: BiasFit) -> EliminatedBiases:
         """Eliminate joints and biases at a fit."""
         P, J, _, B = fit.bias.shape
-        k = CAMERA * len(fit.cameras.t)
+        k = self.layout.size
         S = np.zeros((P, J, k + 3 * B + 1, k + 3 * B + 1))
         scale = CAUCHY * fit.sigma_px
         for part, X in zip(self.parts, fit.X, strict=True):
-            S[part.person] += person_sums(part, fit.cameras, X, fit.bias[part.person], scale)
+            bias = fit.bias[part.person]
+            S[part.person] += person_sums(part, fit.cameras, X, bias, scale, self.layout)
         S /= fit.sigma_px**2
         precision = np.tile(1.0 / fit.variance, 3)
         own = slice(k, k + 3 * B)
-        told = np.diagonal(S[:, :, own, own], axis1=-2, axis2=-1)
+        observed = np.diagonal(S[:, :, own, own], axis1=-2, axis2=-1)
         inverse = np.linalg.inv(S[:, :, own, own] + np.diag(precision))
         gradient = S[:, :, own, -1] + precision * fit.bias.reshape(P, J, 3 * B)
         mixed = S[:, :, own, :k]
@@ -232,18 +255,16 @@ class Problem:
         known = S[:, :, :k, :k].sum((0, 1))
         H = known - (gain @ mixed).sum((0, 1))
         g = S[:, :, :k, -1].sum((0, 1)) - np.einsum("pjkb,pjb->k", gain, gradient)
-        return EliminatedBiases(ReducedSystem(H, g), known, inverse, told, gradient, mixed)
+        return EliminatedBiases(ReducedSystem(H, g), known, inverse, observed, gradient, mixed)
 
-    def log_gain(self, fit: BiasFit, e: EliminatedBiases) -> float:
-        """By how much biases explain the image points better than none (Laplace).
-
-        Logarithm of the ratio of the marginal likelihoods.
+    def log_evidence(self, fit: BiasFit, e: EliminatedBiases) -> float:
+        """Logarithm of the ratio of the marginal likelihoods with and without biases (Laplace).
 
         Parameters
         ----------
-        fit : Fit
+        fit : BiasFit
             The optimum.
-        e : Eliminated
+        e : EliminatedBiases
             There.
         """
         start = replace(self.start(), sigma_px=fit.sigma_px)
@@ -259,9 +280,9 @@ class Problem:
         return 0.5 * CAUCHY**2 * sum(float(np.log1p(s / width).sum()) for s in self._squares(fit))
 
     def _squares(self, fit: BiasFit) -> Iterator[Float64Array]:
-        """Squared residuals of the image points that take part, by part and camera."""
+        """Squared residuals of the keypoints that take part, by part and camera."""
         scale = CAUCHY * fit.sigma_px
         for part, X in zip(self.parts, fit.X, strict=True):
             for c in range(len(fit.cameras.t)):
-                seen = look(part, c, fit.cameras, X, fit.bias[part.person], scale)
-                yield np.minimum(seen.squared[part.focal[c] > 0.0], (1e3 * scale) ** 2)
+                at = project(part, c, fit.cameras, X, fit.bias[part.person])
+                yield at.squared_px(scale)[at.focal > 0.0]

@@ -1,7 +1,7 @@
-"""The last stage: the adjustment without what the key points lean by.
+"""The adjustment without the view-dependent biases of the keypoints.
 
-The biases are found on a part of the images, which is enough: they stay the same. Then the image
-points are put back by them, and all of them are adjusted once more.
+The biases are found on a part of the images, together with the cameras: that is enough, as they
+stay the same. Then the keypoints are corrected by them, and all are adjusted once more.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stcalib_ros.core.bundle.covariance import information_covariance
+from stcalib_ros.core.bundle.covariance import EliminatedUnknown
 from stcalib_ros.core.bundle.istba import finish_iteration
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
-from stcalib_ros.core.bundle.normal_equations import NEAREST
+from stcalib_ros.core.bundle.limits import NEAREST
 from stcalib_ros.core.bundle.observations import Observations
 from stcalib_ros.core.bundle.outliers import drop_outliers, image_points
+from stcalib_ros.core.bundle.parameters import ParameterLayout
 from stcalib_ros.core.bundle.state import BundleState, estimate_motion
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
@@ -30,80 +31,126 @@ from stcalib_ros.core.refinement.keypoint_bias.solver import (
     Problem,
     parts_of,
 )
+from stcalib_ros.core.refinement.limits import MIN_LOG_EVIDENCE
 
-_IMAGE_POINTS = 8_000
-_DECISIVE = 10.0
+_KEYPOINTS = 8_000
+"""Count. About so many keypoints are enough to determine the biases. Measured on the scenes
+"bias" of benchmarks.accuracy.level: more do not change the errors."""
+
+_FIRST_TOLERANCE = 1.0
+"""Standard deviations. End of the adjustment before outliers are removed. Numerical."""
+
+_LAST_TOLERANCE = 0.05
+"""Standard deviations. End of the adjustment to the corrected keypoints. Numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Refined:
-    """The result of the last stage.
+class UnbiasedRound:
+    """A round without the biases of its keypoints.
 
     Attributes
     ----------
     round : Iteration
-        Its image points are put back by the biases.
-    excess : (7 C, 7 C) ndarray
-        What not to know the biases adds to the covariance of the cameras.
-    gain : float
-        By how much biases explain the image points better: logarithm of the ratio of the
-        marginal likelihoods.
-    spread : float
-        Root mean square of a component of the biases, in the unit of the round.
+        Its keypoints are corrected by the biases.
+    layout : ParameterLayout
+        Unknowns of the cameras that the biases were estimated with.
+    log_evidence : float
+        Logarithm of the ratio of the marginal likelihoods with and without biases.
+    fit : BiasFit
+    system : EliminatedBiases
+        There.
+    persons : (P,) ndarray of int
+        Numbers of the persons whose biases the fit holds.
     """
 
     round: Iteration
-    excess: Float64Array
-    gain: float
-    spread: float
+    layout: ParameterLayout
+    log_evidence: float
+    fit: BiasFit
+    system: EliminatedBiases
+    persons: IntArray
+
+    def added_covariance(self, layout: ParameterLayout) -> Float64Array:
+        """Additional covariance of the cameras due to the unknown biases.
+
+        Parameters
+        ----------
+        layout : ParameterLayout
+            Unknowns that the fit did not have get none.
+        """
+        free, known = (
+            self.layout.inverse(H, self.fit.cameras)
+            for H in (self.system.system.H, self.system.known)
+        )
+        finite = np.isfinite(free) & np.isfinite(known)
+        added = np.where(finite, free, 0.0) - np.where(finite, known, 0.0)
+        mine, theirs = self.layout.common(layout)
+        out = np.zeros((layout.size, layout.size))
+        out[np.ix_(theirs, theirs)] = added[np.ix_(mine, mine)]
+        return out
+
+    def unknowns(
+        self, joint_names: Sequence[str], layout: ParameterLayout
+    ) -> dict[str, EliminatedUnknown]:
+        """Biases by name, ``person0.left_knee.keypoint_bias``, beside the cameras of a layout."""
+        mine, theirs = self.layout.common(layout)
+        out = {}
+        for i, person in enumerate(self.persons.tolist()):
+            for j, joint in enumerate(joint_names):
+                one = self.system.unknown(i, j)
+                gain = np.zeros((len(one.gain), layout.size))
+                gain[:, theirs] = one.gain[:, mine]
+                out[f"person{person}.{joint}.keypoint_bias"] = replace(one, gain=gain)
+        return out
 
 
 def refine_keypoint_bias(
-    cameras: Sequence[LiftedCamera], last: Iteration, layout: Layout, o: BundleOptions
-) -> Refined | None:
-    """Adjust a round together with the biases of the key points.
+    cameras: Sequence[LiftedCamera],
+    last: Iteration,
+    layout: Layout,
+    options: BundleOptions,
+    unknowns: ParameterLayout | None = None,
+) -> UnbiasedRound | None:
+    """Adjust a round together with the biases of the keypoints.
 
     Parameters
     ----------
     cameras : sequence of LiftedCamera
     last : Iteration
     layout : Layout
-    o : BundleOptions
+    options : BundleOptions
+    unknowns : ParameterLayout, optional
+        Those of the cameras; default: poses and time offsets.
 
     Returns
     -------
-    Refined or None
-        None where biases explain nothing, or the layout has no trunk that tells how a person is
-        turned.
+    UnbiasedRound or None
+        None where biases explain nothing, or the layout has no trunk from which the orientation of
+        a person follows.
     """
     trunk = trunk_of(layout)
     if trunk is None:
         return None
-    problem = Problem(*_thinned(last), trunk)
+    problem = Problem(*_thinned(last), trunk, unknowns)
     solved = problem.solve()
     if solved is None:
         return None
-    fit, e = solved
-    gain = problem.log_gain(fit, e)
-    if not gain > _DECISIVE:
+    fit, system = solved
+    log_evidence = problem.log_evidence(fit, system)
+    if not log_evidence > MIN_LOG_EVIDENCE:
         return None
-    after = _adjusted(cameras, last, fit, trunk, o)
-    return Refined(
-        after,
-        _excess(problem, fit, e),
-        gain,
-        float(np.sqrt((fit.bias**2).sum(-1).mean())),
-    )
+    after = _adjusted(cameras, last, fit, trunk, options, problem.layout)
+    persons: IntArray = np.unique(problem.obs.person)
+    return UnbiasedRound(after, problem.layout, log_evidence, fit, system, persons)
 
 
 def _thinned(last: Iteration) -> tuple[Observations, BundleState]:
-    """Every n-th row, so that about as many image points are left as tell the biases."""
-    o, s = last.observations, last.state
-    every = max(1, round(int(s.used.sum()) / _IMAGE_POINTS))
-    rows: IntArray = np.arange(0, len(o.person), every)
-    thin = s.only(rows)
-    used = thin.used & (thin.used.sum(1) >= 2)[:, None]
-    return o.only(rows), replace(thin, used=used)
+    """Every n-th row, so that about as many keypoints are left as determine the biases."""
+    obs, state = last.observations, last.state
+    every = max(1, round(int(state.inlier.sum()) / _KEYPOINTS))
+    rows: IntArray = np.arange(0, len(obs.person), every)
+    thin = state.only(rows)
+    return obs.only(rows), thin.with_inliers(thin.inlier)
 
 
 def _adjusted(
@@ -111,31 +158,28 @@ def _adjusted(
     last: Iteration,
     fit: BiasFit,
     trunk: tuple[int, ...],
-    b: BundleOptions,
+    options: BundleOptions,
+    layout: ParameterLayout,
 ) -> Iteration:
-    """The round with image points put back, adjusted from the fit on."""
-    o = _put_back(last, fit, trunk)
-    known = last.state.used.sum(1) >= 2
-    state = replace(
-        last.state,
-        R_cam_ref=fit.cameras.R,
-        t_cam_ref=fit.cameras.t,
-        shift_s=fit.cameras.shift,
-    )
-    state = adjust(o, state, iterations=b.max_iterations, tolerance=1.0)
-    V, A = estimate_motion(o, state.X, known)
-    state = drop_outliers(o, replace(state, V=V, A=A), b)
-    state = adjust(o, state, iterations=b.max_iterations, tolerance=0.05)
+    """Adjust the round with corrected keypoints, from the fit on."""
+    obs = _corrected(last, fit, trunk)
+    known = last.state.triangulated()
+    state = last.state.with_cameras(fit.cameras)
+    n = options.max_iterations
+    state = adjust(obs, state, iterations=n, tolerance=_FIRST_TOLERANCE, layout=layout)
+    V, A = estimate_motion(obs, state.X, known)
+    state = drop_outliers(obs, replace(state, V=V, A=A), options)
+    state = adjust(obs, state, iterations=n, tolerance=_LAST_TOLERANCE, layout=layout)
     before = replace(last.rig, offset_s=last.rig.offset_s - last.state.shift_s)
     total = image_points([cameras[c] for c in last.rig.cameras])
-    return finish_iteration(before, last.association, o, state, total, coverage=last.coverage)
+    return finish_iteration(before, last.association, obs, state, total, coverage=last.coverage)
 
 
-def _put_back(last: Iteration, fit: BiasFit, trunk: tuple[int, ...]) -> Observations:
-    """Image points where they would be without the biases of a fit."""
-    o = last.observations
-    x = o.x.copy()
-    for part in parts_of(o, last.state, trunk):
+def _corrected(last: Iteration, fit: BiasFit, trunk: tuple[int, ...]) -> Observations:
+    """Keypoints where they would be without the biases of a fit."""
+    obs = last.observations
+    x = obs.x.copy()
+    for part in parts_of(obs, last.state, trunk):
         X = last.state.X[part.rows].transpose(2, 1, 0)
         for c, (R, t) in enumerate(zip(fit.cameras.R, fit.cameras.t, strict=True)):
             Y = np.tensordot(R, X, 1) + t[:, None, None]
@@ -144,10 +188,4 @@ def _put_back(last: Iteration, fit: BiasFit, trunk: tuple[int, ...]) -> Observat
             depth, shifted_depth = np.where(ahead, (Y[2], shifted[2]), np.inf)
             moved = shifted[:2] / shifted_depth - Y[:2] / depth
             x[part.rows, c] -= moved.transpose(2, 1, 0)
-    return replace(o, x=np.where(o.seen[..., None], x, o.x))
-
-
-def _excess(problem: Problem, fit: BiasFit, e: EliminatedBiases) -> Float64Array:
-    """What not to know the biases adds to the covariance (7 C, 7 C) of the cameras."""
-    state = replace(problem.state, R_cam_ref=fit.cameras.R, t_cam_ref=fit.cameras.t)
-    return information_covariance(e.system.H, state) - information_covariance(e.known, state)
+    return replace(obs, x=np.where(obs.observed[..., None], x, obs.x))

@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import approx_fprime
 
-from stcalib_ros.core.bundle.normal_equations import CAMERA, Cameras
+from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.refinement.keypoint_bias.normal_equations import (
     Part,
     follow,
-    look,
     person_sums,
+    project,
 )
 
 C, J, N, B = 3, 2, 4, 5
+UNKNOWNS = ParameterLayout(C)
 WIDE = 1e6  # px: all image points count fully
 
 
@@ -30,44 +31,44 @@ def scene(rng):
         slice(0, N),
         np.zeros((C, 2, J, N)),
         focal,
-        rng.normal(scale=0.01, size=(C, N)),
+        rng.normal(scale=0.01, size=(C, 1, N)),
+        np.zeros(N),
+        None,
         rng.normal(size=(3, J, N)),
         rng.normal(size=(3, J, N)),
         np.moveaxis(exp_so3(rng.normal(size=(N, 3))), 0, -1),
         rng.normal(size=(C, B, N)),
     )
     for c in range(C):
-        seen = look(part, c, cameras, X, np.zeros((J, 3, B)), WIDE)
-        Z = seen.y + cameras.t[c][:, None, None]
-        part.x[c] = Z[:2] / Z[2] + rng.normal(scale=2e-3, size=(2, J, N))
+        u = project(part, c, cameras, X, np.zeros((J, 3, B))).u
+        part.x[c] = u.reshape(2, J, N) + rng.normal(scale=2e-3, size=(2, J, N))
     return part, cameras, X
 
 
 def moved(cameras, step):
-    d = step.reshape(C, CAMERA)
-    return Cameras(exp_so3(d[:, :3]) @ cameras.R, cameras.t + d[:, 3:6], cameras.shift + d[:, 6])
+    return UNKNOWNS.retract(cameras, step.reshape(C, -1))
 
 
 def least_cost(part, cameras, X, bias):
     """Half the sum of squares where the joints suit best."""
     X = follow(part, cameras, X, bias, WIDE, 12)
-    return 0.5 * sum(look(part, c, cameras, X, bias, WIDE).squared.sum() for c in range(C))
+    return 0.5 * sum(project(part, c, cameras, X, bias).squared.sum() for c in range(C))
 
 
 def test_gradients_are_those_of_the_cost_with_joints_that_follow():
     part, cameras, X = scene(np.random.default_rng(3))
     none = np.zeros((J, 3, B))
     X = follow(part, cameras, X, none, WIDE, 12)
-    right = person_sums(part, cameras, X, none, WIDE)[:, :, -1]
+    right = person_sums(part, cameras, X, none, WIDE, UNKNOWNS)[:, :, -1]
     by_camera = approx_fprime(
-        np.zeros(CAMERA * C), lambda d: least_cost(part, moved(cameras, d), X, none), 1e-6
+        np.zeros(UNKNOWNS.size), lambda d: least_cost(part, moved(cameras, d), X, none), 1e-6
     )
     by_bias = approx_fprime(
         none.ravel(), lambda b: least_cost(part, cameras, X, b.reshape(none.shape)), 1e-6
     )
     size = np.abs(by_camera).max()
-    np.testing.assert_allclose(right[:, : CAMERA * C].sum(0), by_camera, atol=2e-4 * size)
-    np.testing.assert_allclose(right[:, CAMERA * C : -1].ravel(), by_bias, atol=2e-4 * size)
+    np.testing.assert_allclose(right[:, : UNKNOWNS.size].sum(0), by_camera, atol=2e-4 * size)
+    np.testing.assert_allclose(right[:, UNKNOWNS.size : -1].ravel(), by_bias, atol=2e-4 * size)
 
 
 def test_joints_that_one_camera_sees_stay():

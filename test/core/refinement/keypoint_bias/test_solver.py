@@ -16,7 +16,7 @@ from stcalib_ros.core.synthetic import simulate
 
 def at_start(stages):
     """The problem of the last round of STBA, and its system without biases."""
-    last = stages.rounds[2]
+    last = stages.iterations[2]
     problem = Problem(last.observations, last.state, trunk_of(stages.skeleton.layout))
     fit = problem.start()
     return fit, problem.eliminate(fit)
@@ -33,7 +33,7 @@ def test_the_hint_is_the_slope_of_the_marginal_likelihood(small_stages):
     fit, e = at_start(small_stages)
     precision = np.diag(np.tile(1.0 / fit.variance, 3))
     S = np.linalg.inv(e.inverse) - precision
-    assert np.allclose(np.diagonal(S, axis1=-2, axis2=-1), e.told, rtol=1e-4)
+    assert np.allclose(np.diagonal(S, axis1=-2, axis2=-1), e.observed, rtol=1e-4)
     for degree in DEGREES:
         mine = np.flatnonzero(np.tile(degree == DEGREE_OF, 3))
         system, g = S[..., mine[:, None], mine], e.gradient[..., mine]
@@ -41,5 +41,5 @@ def test_the_hint_is_the_slope_of_the_marginal_likelihood(small_stages):
         inverse = np.linalg.inv(system + np.eye(len(mine)) / v)
         volume = np.linalg.slogdet(np.eye(len(mine)) + v * system)[1].sum()
         likelihood = 0.5 * np.einsum("pja,pjab,pjb->", g, inverse, g) - 0.5 * volume
-        slope = 0.5 * ((g**2).sum() - e.told[..., mine].sum())
+        slope = 0.5 * ((g**2).sum() - e.observed[..., mine].sum())
         assert likelihood / v == pytest.approx(slope, rel=1e-3)

@@ -13,6 +13,7 @@ from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.options import BundleOptions
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.refinement.keypoint_bias.stage import refine_keypoint_bias
+from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.synthetic import detector, simulate
 
 
@@ -37,7 +38,7 @@ def leaning(request):
 
 def test_biases_are_found_and_taken_out(leaning):
     scene, stages = leaning
-    before, after = stages.rounds[-2:]
+    before, after = stages.iterations[-2:]
     assert after.median_px < 0.7 * before.median_px
     errors = evaluate(stages.calibration, scene.truth, fps=30.0)
     plain = error_of(stages, before, scene)
@@ -57,17 +58,34 @@ def error_of(stages, one, scene):
 
 
 def test_without_biases_nothing_changes(small_stages):
-    last = small_stages.rounds[-1]
+    last = small_stages.iterations[-1]
     layout = small_stages.skeleton.layout
     assert refine_keypoint_bias(small_stages.lifted, last, layout, BundleOptions()) is None
 
 
 def test_unknown_biases_are_part_of_the_covariance(leaning):
     _, stages = leaning
-    last = stages.rounds[-1]
+    last = stages.iterations[-1]
     known = np.diag(pose_covariance(last.observations, last.state))
     unit = stages.placement.unit
     scale = np.tile([unit] * 3 + [1.0] * 4, len(last.rig.cameras))
     found = np.sqrt(np.diag(stages.calibration.joint_covariance)) / scale
     assert (found >= np.sqrt(known) - 1e-12).all()
     assert (found[7:] > 1.2 * np.sqrt(known)[7:]).any()
+
+
+def test_the_joint_covariance_knows_biases_by_name(leaning):
+    _, stages = leaning
+    layout = stages.skeleton.layout
+    refined = refine(stages.lifted, stages.iterations[:-1], layout, BundleOptions())
+    joint, name = refined.covariance, f"person0.{layout.joint_names[4]}.keypoint_bias"
+    assert len(refined.iterations) == len(stages.iterations)
+    assert {"cam1.rotation", "cam2.time_offset", name} <= set(joint.names)
+    assert (joint.stddev(name) > 0.0).all()
+    P = joint.block("cam1.translation", "cam2.time_offset", name)
+    assert np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P))))[0] > -1e-9
+    np.testing.assert_allclose(joint.covariance("cam1.translation", name), P[:3, 4:], rtol=1e-9)
+    assert joint.covariance("cam1.translation", name).any()
+    assert not joint.stddev("cam0.rotation").any()
+    with pytest.raises(KeyError, match="cam7"):
+        joint.stddev("cam7.rotation")

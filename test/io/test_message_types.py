@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stcalib_ros.io.cdr import CdrWriter
-from stcalib_ros.io.decode import decode
-from stcalib_ros.io.schemas import POSES
+from stcalib_ros.io.message_types import PERSON_POSES, decode
 
 Person = tuple[int, float, list[float], list[float], list[float]]
 
@@ -50,7 +49,7 @@ PERSONS = st.one_of(
 
 @given(persons=PERSONS, frame_id=st.text("ab", max_size=4))
 def test_what_is_written_is_read(persons, frame_id):
-    decoded = decode(POSES, message(persons, frame_id=frame_id))
+    decoded = decode(PERSON_POSES.name, message(persons, frame_id=frame_id))
     assert (decoded.header.frame_id, decoded.metric) == (frame_id, True)
     found = [
         (p.track_id, p.score, *(list(a) for a in (p.joints, p.keypoints, p.joint_scores)))
@@ -63,7 +62,7 @@ def test_what_is_written_is_read(persons, frame_id):
 def test_a_message_that_ends_early_is_refused(persons, data):
     whole = message(persons)
     with pytest.raises((ValueError, struct.error)):
-        decode(POSES, whole[: data.draw(st.integers(0, len(whole) - 1))])
+        decode(PERSON_POSES.name, whole[: data.draw(st.integers(0, len(whole) - 1))])
 
 
 def test_big_endian_persons():
@@ -76,7 +75,7 @@ def test_big_endian_persons():
     swapped += bytes(-len(swapped) % 4) + struct.pack(">I", 0) + b"\x00\x01"
     swapped += bytes(-len(swapped) % 4) + struct.pack(">I", 1) + words.tobytes()
     assert len(swapped) == len(head) + 4 + 4 + words.nbytes
-    (person,) = decode(POSES, swapped).persons
+    (person,) = decode(PERSON_POSES.name, swapped).persons
     assert (person.track_id, person.score, list(person.joints)) == (3, 0.5, [2.0])
 
 
@@ -85,4 +84,4 @@ def test_more_persons_than_the_message_can_hold_are_refused():
     count_at = len(data) - 4 * 8 - 4
     data[count_at : count_at + 4] = struct.pack("<I", 2**32 - 1)
     with pytest.raises(ValueError, match="4294967295 persons do not fit"):
-        decode(POSES, bytes(data))
+        decode(PERSON_POSES.name, bytes(data))

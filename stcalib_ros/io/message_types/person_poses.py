@@ -1,4 +1,7 @@
-"""Decode the two messages that we read; many times faster than field by field from a definition."""
+"""``stcalib_ros/PersonPose3DArray``: the persons in one image.
+
+Decoded as a table without copying its numbers, many times faster than field by field.
+"""
 
 from __future__ import annotations
 
@@ -8,58 +11,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stcalib_ros.io.cdr import CdrReader
-from stcalib_ros.io.schemas import POSES
+from stcalib_ros.io.message_types.message_type import (
+    HEADER,
+    TIME,
+    Content,
+    Definition,
+    MessageType,
+    decode_header,
+)
+from stcalib_ros.msgdefs import definition
 
-_LEAST_WORDS = 5
-"""Of a person: id, score, and three lengths."""
-
-
-def decode(type_name: str, data: bytes) -> SimpleNamespace:
-    """Message with the fields of its definition.
-
-    Parameters
-    ----------
-    type_name : str
-        `POSES` or `CAMERA_INFO`; the definition of the writer must be ours.
-    data : bytes
-        Plain CDR.
-
-    Raises
-    ------
-    ValueError, struct.error
-        The data end before the message does, or are no CDR.
-    """
-    cdr = CdrReader(data)
-    return _poses(cdr) if type_name == POSES else _camera_info(cdr)
+_MIN_WORDS = 5
+"""Words of 4 bytes that a person takes at least: id, score, and three lengths."""
 
 
-def _header(cdr: CdrReader) -> SimpleNamespace:
-    stamp = SimpleNamespace(sec=cdr.int32(), nanosec=cdr.uint32())
-    return SimpleNamespace(stamp=stamp, frame_id=cdr.string())
-
-
-def _poses(cdr: CdrReader) -> SimpleNamespace:
+def _decode(cdr: CdrReader) -> SimpleNamespace:
     # Keyword arguments are evaluated in their order, which is that of the definition.
     return SimpleNamespace(
-        header=_header(cdr),
+        header=decode_header(cdr),
         layout=cdr.string(),
         joint_names=cdr.strings(),
         rectified=cdr.boolean(),
         metric=cdr.boolean(),
-        persons=_persons(cdr, cdr.uint32()),
+        persons=_decode_persons(cdr, cdr.uint32()),
     )
 
 
-def _persons(cdr: CdrReader, n: int) -> list[SimpleNamespace]:
+def _decode_persons(cdr: CdrReader, n: int) -> list[SimpleNamespace]:
     """Persons; where all have as many numbers as the first, as they usually have, at once."""
-    if cdr.words((n, _LEAST_WORDS)) is None:
+    if cdr.words((n, _MIN_WORDS)) is None:
         raise ValueError(f"{n} persons do not fit into the message")
     table = _table(cdr, n)
     if table is None:
-        return [_person(cdr) for _ in range(n)]
+        return [_decode_person(cdr) for _ in range(n)]
     words, (a, b, c) = table
     cdr.skip(words.nbytes)
-    numbers = words.view(words.dtype.str.replace("u", "f"))
+    numbers = words.view(np.dtype(np.float32).newbyteorder(words.dtype.byteorder))
     return [
         SimpleNamespace(
             track_id=track_id,
@@ -94,7 +81,7 @@ def _table(cdr: CdrReader, n: int) -> tuple[NDArray[np.uint32], tuple[int, int, 
     return words, (a, b, c)
 
 
-def _person(cdr: CdrReader) -> SimpleNamespace:
+def _decode_person(cdr: CdrReader) -> SimpleNamespace:
     return SimpleNamespace(
         track_id=cdr.uint32(),
         score=cdr.float32(),
@@ -104,27 +91,14 @@ def _person(cdr: CdrReader) -> SimpleNamespace:
     )
 
 
-def _camera_info(cdr: CdrReader) -> SimpleNamespace:
-    return SimpleNamespace(
-        header=_header(cdr),
-        height=cdr.uint32(),
-        width=cdr.uint32(),
-        distortion_model=cdr.string(),
-        d=cdr.float64s(),
-        k=cdr.float64s(9),
-        r=cdr.float64s(9),
-        p=cdr.float64s(12),
-        binning_x=cdr.uint32(),
-        binning_y=cdr.uint32(),
-        roi=_region(cdr),
-    )
-
-
-def _region(cdr: CdrReader) -> SimpleNamespace:
-    return SimpleNamespace(
-        x_offset=cdr.uint32(),
-        y_offset=cdr.uint32(),
-        height=cdr.uint32(),
-        width=cdr.uint32(),
-        do_rectify=cdr.boolean(),
-    )
+PERSON_POSES = MessageType(
+    name="stcalib_ros/msg/PersonPose3DArray",
+    content=Content.POSES,
+    definition=lambda: definition("PersonPose3DArray"),
+    dependencies=(
+        HEADER,
+        TIME,
+        Definition("stcalib_ros/PersonPose3D", lambda: definition("PersonPose3D")),
+    ),
+    decode=_decode,
+)

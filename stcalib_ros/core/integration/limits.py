@@ -1,0 +1,67 @@
+"""Limits of the multi-view integration: every number that decides something, and its origin."""
+
+from __future__ import annotations
+
+ROTATION_SCALE = 0.06
+"""rad. Scale of the Cauchy-like agreement of a hypothesis with a rig: the usual error of a
+registration by 3D poses. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on
+real recordings."""
+
+POSITION_SCALE = 0.5
+"""Metres by the size of the people. As `ROTATION_SCALE`, for the translation. Chosen on simulated
+scenes of benchmarks.accuracy.level; not verified on real recordings."""
+
+LAG_SCALE_FRAMES = 0.7
+"""Frames. As `ROTATION_SCALE`, for the lag. Chosen on simulated scenes of
+benchmarks.accuracy.level; not verified on real recordings."""
+
+MAX_RIGS = 8
+"""Count. So many rigs that differ are averaged and handed on; initialization adjusts the best few
+of them. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real
+recordings."""
+
+MAX_BODY_DISTANCE = 1.2
+"""Metres by the size of the people. Bodies that monocular poses place further from each other count
+as strangers where the usual distance is measured, and add half the cost of a merge at this
+distance. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real
+recordings."""
+
+MIN_SHARED_KEYPOINTS = 12
+"""Keypoints of a slot (samples times joints). With fewer in common two pieces have no distance:
+about one frame of a body. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on
+real recordings."""
+
+TOLERANCE_FACTOR = 3.0
+"""Ratio to the usual distance of mutually nearest pieces. Pieces up to this distance may be one
+person. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
+
+MERGE_COST = 1.0
+"""Cost: 1 at the tolerance of the epipolar distance. Groups are merged below it. Derived: pieces
+within the tolerance belong together."""
+
+BODY_WEIGHT = 0.5
+"""Cost of a merge at `MAX_BODY_DISTANCE`, beside that of the epipolar distance: monocular depths
+are worse than keypoints. Chosen on simulated scenes of benchmarks.accuracy.level; not verified
+on real recordings."""
+
+MAX_COST = 10.0
+"""Cost. One pair of pieces adds no more to the mean of a group: an id exchanged within the slot
+must not split a person. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on
+real recordings."""
+
+UNREFINED_RELIABILITY = 0.1
+"""Ratio. A hypothesis that was not refined on keypoints counts for this part of its support.
+Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
+
+EPIPOLAR_SCALE_PX = 8.0
+"""Pixels. A refined hypothesis counts half at this median epipolar distance. Chosen on simulated
+scenes of benchmarks.accuracy.level; not verified on real recordings."""
+
+DIFFERENT_ROTATION = 4 * ROTATION_SCALE
+"""rad. Rigs that differ by more would not converge to one in averaging. Derived from the scale."""
+
+DIFFERENT_POSITION = 3 * POSITION_SCALE
+"""Metres by the size of the people. As `DIFFERENT_ROTATION`, for centres."""
+
+DIFFERENT_LAG_FRAMES = 4 * LAG_SCALE_FRAMES
+"""Frames. As `DIFFERENT_ROTATION`, for time offsets; derived from the scale likewise."""

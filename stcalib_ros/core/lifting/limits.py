@@ -1,0 +1,41 @@
+"""Limits of lifting and of the checks of the input, with their origin."""
+
+from __future__ import annotations
+
+MIN_JOINTS = 6
+"""Joints. Frames with fewer that have a keypoint and a 3D position are not lifted, and two poses
+with fewer in common are not compared: root and rotation have six unknowns, and twelve coordinates
+determine them twice. Derived."""
+
+NEAREST_M = 0.3
+"""Metres. A person whose joints would be closer to the plane of the camera, or behind it, is not
+there. Chosen; people do not come closer to a camera that is to be calibrated."""
+
+MAX_ROTATION = 0.3
+"""rad per step. Longer rotations of a pose are cut: keypoints of a wrong person turn poses far.
+Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
+
+KEYPOINT_SCALE = 0.02
+"""Units of the plane z = 1. Scale of the robust loss: a joint error of 8 cm at 4 m. Derived from
+the joint errors (30 to 60 mm) of lifters."""
+
+ROTATION_PRIOR = 0.003
+"""Squared units of the plane z = 1 per rad^2. Weight of the squared rotation of a pose; a standard
+deviation of about ten degrees. Chosen on simulated scenes of benchmarks.accuracy.level; not
+verified on real recordings."""
+
+MIN_MOVEMENT = 0.03
+"""Fraction of the height of the body in the image. Where no keypoints move more than this, slowly,
+nobody moves, and the recording is refused: noise that remains after smoothing is below. Chosen on
+simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
+
+PERIOD_SLACK = 1.02
+"""Ratio. Reading out an image may take longer than the frame period by this, since periods are
+medians of stamps that may be rounded. Derived: a rounding to 1 ms at 20 to 50 Hz."""
+
+MIN_CAMERAS = 2
+"""Cameras, count. As many must be comparable. Derived: one has nothing to be calibrated against."""
+
+MIN_DETERMINANT = 1e-6
+"""Determinant of the normal equations of the root, sums of squared sines. With less all keypoints
+are in one direction, and the position is not determined. Numerical."""

@@ -1,0 +1,35 @@
+"""What the reconstruction of people and the resection of cameras decide by."""
+
+from __future__ import annotations
+
+MIN_TRACK_FRACTION = 0.25
+"""Fraction of a track's time. A track is listed with a person if it shows this person for so long;
+a track whose id was exchanged is listed with all whom it shows. Chosen on simulated scenes of
+benchmarks.accuracy.level (their truth uses 0.2); not verified on real recordings."""
+
+MAX_PEOPLE = 24
+"""Persons, count, those observed longest. More are not needed to find a camera or to detect
+ambiguous motion, and the cost of registration is quadratic in it. Cost alone."""
+
+MIN_LOOSE_COSINE = 0.5
+"""Mean cosine of the angle between bone directions from which on a rotation is tried at all, beside
+those that registration accepts: poor monocular poses agree no better than to 60 degrees, and the
+keypoints decide afterwards. Chosen on the scenes with poor poses of benchmarks.accuracy.level."""
+
+MIN_FIT = 0.3
+"""Fraction of a camera's keypoints that fit, each weighted by how well, below which resection has
+failed. Wrong poses explain less, since keypoints of people who are not there do not fit. Chosen on
+simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
+
+RIVAL_FIT_RATIO = 0.8
+"""Fraction of keypoints that fit with another solution over that of the best, above which the
+camera is ambiguous and stays out. Chosen on simulated scenes of benchmarks.accuracy.level; not
+verified on real recordings."""
+
+FIT_SCALE_PX = 12.0
+"""Pixels. Scale of the Cauchy weight by which keypoints count as fitting; four times the noise of a
+usual detector (3 px), so that its errors and biases do not matter and other people do."""
+
+PERSON_SCALE_RATIO = 4.0
+"""The same scale for the choice of persons, as a multiple: poses are still inexact then, and
+persons are further from each other than 48 px in most images."""

@@ -1,0 +1,30 @@
+"""Intrinsics as OpenCV writes them down."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.io.limits import PLUMB_BOB_COEFFICIENTS
+
+
+def opencv_intrinsics(image_size: Sequence[int], K: ArrayLike, dist: ArrayLike) -> Intrinsics:
+    """Return intrinsics from OpenCV's matrix and coefficients.
+
+    Parameters
+    ----------
+    image_size : (int, int)
+        Width and height, px.
+    K : (3, 3) array_like
+        Pinhole matrix, px.
+    dist : (N,) array_like
+        Distortion coefficients: up to five are those of plumb_bob, more of the rational model.
+    """
+    width, height = (int(n) for n in image_size)
+    D = np.asarray(dist, dtype=np.float64)
+    is_plumb_bob = D.size <= PLUMB_BOB_COEFFICIENTS
+    model = LensModel.PLUMB_BOB if is_plumb_bob else LensModel.RATIONAL_POLYNOMIAL
+    return Intrinsics(width, height, model, np.asarray(K, dtype=np.float64), D)

@@ -1,0 +1,46 @@
+"""The message types that are read, from bags and from topics alike.
+
+A new one is a module of this folder with its `MessageType`, and an entry in `TYPES`.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from stcalib_ros.io.cdr import CdrReader
+from stcalib_ros.io.message_types.camera_info import CAMERA_INFO
+from stcalib_ros.io.message_types.message_type import Content, MessageType
+from stcalib_ros.io.message_types.person_poses import PERSON_POSES
+
+__all__ = ["CAMERA_INFO", "PERSON_POSES", "TYPES", "Content", "MessageType", "decode", "types_of"]
+
+TYPES = {known.name: known for known in (PERSON_POSES, CAMERA_INFO)}
+"""Message types by name."""
+
+
+def types_of(content: Content) -> tuple[str, ...]:
+    """Return the names of the types that give a content."""
+    return tuple(name for name, known in TYPES.items() if known.content is content)
+
+
+def decode(type_name: str, data: bytes) -> SimpleNamespace:
+    """Decode a message.
+
+    Parameters
+    ----------
+    type_name : str
+        One of `TYPES`; the definition of the writer must be ours.
+    data : bytes
+        Plain CDR.
+
+    Returns
+    -------
+    SimpleNamespace
+        With the fields that its content has, see `Content`.
+
+    Raises
+    ------
+    ValueError, struct.error
+        The data are not plain CDR, or end before the message does.
+    """
+    return TYPES[type_name].decode(CdrReader(data))

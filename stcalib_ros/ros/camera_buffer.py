@@ -1,0 +1,305 @@
+"""What arrived of one camera, in bounded memory; knows no ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.io.messages import (
+    NS,
+    CameraInfoFields,
+    PoseImage,
+    camera_info_fields,
+    lens,
+    pose_image,
+)
+from stcalib_ros.io.topics import SelectedCamera
+from stcalib_ros.ros.limits import LENS_QUIET_S, MAX_LINE, MAX_OTHER_LENSES, MAX_TEXT
+from stcalib_ros.ros.streams import Follower, Limits
+
+Warn = Callable[[str, str], object]
+"""Takes the subject of a warning, by which it is throttled, and the warning in one line."""
+
+Clock = Callable[[], float]
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """State of one camera's buffer.
+
+    Attributes
+    ----------
+    images, persons : int
+        Number of them in the buffer.
+    rate_hz : float
+        Rate of the images in the buffer, by their stamps; NaN with fewer than two.
+    age_s : float
+        Time since the last pose message arrived; inf if none has.
+    has_info : bool
+        A usable CameraInfo is there.
+    moving_s : int
+        Seconds of the window in which somebody moves.
+    received, dropped, flushes : int
+        Since the start: pose messages, messages that were oversize, malformed or of another
+        stream, and how often the buffer was emptied.
+    last_problem : str
+        Why the last message was dropped or the buffer emptied.
+    set_aside : int
+        Images that do not continue what came before, until it is clear what they are.
+    no_keypoints : bool
+        There are persons, but not one of their keypoints is finite.
+    """
+
+    images: int
+    persons: int
+    rate_hz: float
+    age_s: float
+    has_info: bool
+    moving_s: int
+    received: int
+    dropped: int
+    flushes: int
+    last_problem: str
+    set_aside: int = 0
+    no_keypoints: bool = False
+
+
+@dataclass(slots=True)
+class _OtherLens:
+    """A CameraInfo that differs from the one in force.
+
+    Attributes
+    ----------
+    since_s : float
+        When it was first received.
+    newest_ns : int
+        Newest stamp of the images then.
+    n : int
+        How often it was received.
+    """
+
+    since_s: float
+    newest_ns: int
+    n: int = 0
+
+
+class CameraBuffer:
+    """Images and CameraInfo of one camera; what others send on its topics does not empty it.
+
+    Images are followed by a `stcalib_ros.ros.streams.Follower`. Another CameraInfo than the one in
+    force counts when the latter has not come for `LENS_QUIET_S`: a driver that was configured anew
+    repeats its new one, or has latched it. Images since then are those of the new lens.
+    """
+
+    def __init__(self, camera: SelectedCamera, limits: Limits, warn: Warn, clock: Clock) -> None:
+        self.camera, self.limits = camera, limits
+        self.info: CameraInfoFields | None = None
+        self._warn, self._clock = warn, clock
+        self._follower = Follower(limits)
+        self._others: dict[CameraInfoFields, _OtherLens] = {}
+        self._arrived: float | None = None
+        self._received = self._dropped = self._flushes = 0
+        self._last_problem = ""
+
+    @property
+    def images(self) -> Sequence[PoseImage]:
+        """Images of the window, in the order of their arrival."""
+        return self._follower.stream.images
+
+    @property
+    def moving(self) -> set[int]:
+        """Whole seconds, by the stamps, in which somebody moves."""
+        return self._follower.stream.moving
+
+    def add_poses(self, message: Any) -> None:
+        """Take in a message with the fields of ``PersonPose3DArray``, if it is usable."""
+        self._received += 1
+        self._arrived = self._clock()
+        try:
+            _require_pose_bounds(message, self.limits)
+            image = pose_image(message, topic=self.camera.pose_topic)
+            if image.stamp_ns < 0:
+                raise InputError(f"{self.camera.pose_topic}: the header stamp is negative")
+        except (InputError, ValueError, TypeError) as error:
+            self._drop(str(error))
+            return
+        self.settle()
+        self._take(image, self._arrived)
+
+    def reject(self, why: str) -> None:
+        """Count and report a message that cannot be read."""
+        self._received += 1
+        self._arrived = self._clock()
+        self._drop(why)
+
+    def add_info(self, message: Any) -> None:
+        """Take in a message as ``CameraInfo``; a change empties the buffer."""
+        topic = self.camera.info_topic
+        try:
+            _require_info_bounds(message, topic)
+            info = camera_info_fields(message)
+            self._require_lens(info)
+        except (InputError, ValueError, TypeError) as error:
+            self._drop(str(error))
+            return
+        if self.info is None or info == self.info:
+            self.info = info
+            self._drop_lenses()
+            return
+        self._note_other(info)
+        self.settle()
+
+    def set_limits(self, limits: Limits) -> None:
+        """Change the bounds; what they do not allow any more is discarded."""
+        self.limits = limits
+        self._follower.set_limits(limits)
+
+    def _require_lens(self, info: CameraInfoFields) -> None:
+        """Demand intrinsics of the image that the keypoints are in: the raw or the rectified one.
+
+        The pose messages say which; before the first of them, either will do.
+        """
+        choices = (self.images[-1].rectified,) if self.images else (False, True)
+        problems = [_lens_problem(info, rectified, self.camera.info_topic) for rectified in choices]
+        if all(problems):
+            raise InputError(problems[0])
+
+    def settle(self) -> None:
+        """Take over a change that has proved to be one by now."""
+        now_s = self._clock()
+        if (change := self._follower.change(now_s)) is not None:
+            why, dropped = change
+            self._dropped += dropped
+            if why:
+                self._flushed(f"{self.camera.pose_topic}: {why}")
+        if self._others:
+            self._settle_lens(now_s)
+
+    def counts(self) -> Counts:
+        """State for diagnostics."""
+        n, persons = len(self.images), sum(len(image.track_ids) for image in self.images)
+        stamps = [image.stamp_ns for image in self.images]
+        span_s = (max(stamps) - min(stamps)) / NS if n else 0.0
+        return Counts(
+            images=n,
+            persons=persons,
+            rate_hz=(n - 1) / span_s if span_s > 0 else math.nan,
+            age_s=math.inf if self._arrived is None else self._clock() - self._arrived,
+            has_info=self.info is not None,
+            moving_s=len(self.moving),
+            received=self._received,
+            dropped=self._dropped,
+            flushes=self._flushes,
+            last_problem=self._last_problem,
+            set_aside=self._follower.n_aside,
+            no_keypoints=persons > 0
+            and not any(np.isfinite(i.keypoints).any() for i in self.images),
+        )
+
+    def _take(self, image: PoseImage, now_s: float) -> None:
+        topic = self.camera.pose_topic
+        if why := self._follower.break_before(image):
+            self._dropped += self._follower.set_aside(image, why)
+            self._last_problem = _line(f"{topic}: {why}; do two cameras publish on this topic?")
+            self._warn("aside", f"{self._last_problem} (set aside until that is clear)")
+            return
+        if bound := self._follower.append(image, now_s):
+            self._warn("bound", f"{topic}: {bound}; the oldest images are discarded")
+        if dropped := self._follower.drop_aside():
+            self._dropped += dropped
+            self._warn("dropped", f"{topic}: {dropped} images that were set aside are dropped")
+
+    def _note_other(self, info: CameraInfoFields) -> None:
+        if info not in self._others:
+            if len(self._others) == MAX_OTHER_LENSES:
+                del self._others[min(self._others, key=lambda i: self._others[i].n)]
+                self._dropped += 1
+            newest_ns = self.images[-1].stamp_ns if self.images else 0
+            self._others[info] = _OtherLens(self._clock(), newest_ns)
+            why = _lens_change(self.camera.info_topic, self.info, info)
+            self._warn("lens", f"{why} (waiting to see whether it lasts)")
+        self._others[info].n += 1
+
+    def _settle_lens(self, now_s: float) -> None:
+        info = max(self._others, key=lambda i: (self._others[i].n, self._others[i].since_s))
+        other = self._others[info]
+        if now_s - other.since_s < LENS_QUIET_S:
+            return
+        had_images = bool(self.images)
+        why = _lens_change(self.camera.info_topic, self.info, info)
+        self._follower.forget(other.newest_ns)
+        self.info, self._others = info, {}
+        if had_images:
+            self._flushed(why)
+
+    def _drop_lenses(self) -> None:
+        if self._others:
+            self._dropped += len(self._others)
+            other = next(iter(self._others))
+            self._last_problem = _lens_change(self.camera.info_topic, self.info, other)
+            self._others.clear()
+
+    def _flushed(self, why: str) -> None:
+        self._flushes += 1
+        self._last_problem = _line(why)
+        self._warn("flush", f"{self._last_problem}; what was received before is discarded")
+
+    def _drop(self, why: str) -> None:
+        self._dropped += 1
+        self._last_problem = _line(why)
+        self._warn("drop", f"{self._last_problem} (dropped)")
+
+
+def _require_pose_bounds(message: Any, limits: Limits) -> None:
+    if len(message.persons) > limits.max_persons:
+        raise InputError(
+            f"{len(message.persons)} persons in one image; {limits.max_persons} are accepted "
+            "(max_persons)"
+        )
+    if max(len(message.layout), len(message.header.frame_id)) > MAX_TEXT:
+        raise InputError(f"layout or frame_id is longer than {MAX_TEXT} characters")
+    names = message.joint_names
+    if len(names) > limits.max_joints or any(len(name) > MAX_TEXT for name in names):
+        raise InputError(f"more than {limits.max_joints} joint names, or too long ones")
+    for person in message.persons:
+        sizes = (len(person.joints) / 3, len(person.keypoints) / 2, len(person.joint_scores))
+        if max(sizes) > limits.max_joints:
+            raise InputError(
+                f"a person of {max(sizes):.0f} joints; {limits.max_joints} are accepted "
+                "(max_joints)"
+            )
+
+
+def _require_info_bounds(message: Any, topic: str) -> None:
+    if max(len(message.d), len(message.distortion_model)) > MAX_TEXT:
+        raise InputError(f"{topic}: oversize CameraInfo")
+    numbers = np.concatenate([np.asarray(getattr(message, f), dtype=float) for f in "dkrp"])
+    if not np.isfinite(numbers).all():
+        raise InputError(f"{topic}: CameraInfo has numbers that are not finite")
+
+
+def _lens_problem(info: CameraInfoFields, rectified: bool, topic: str) -> str:
+    """Why a CameraInfo has no usable intrinsics of that image; empty if it has."""
+    try:
+        lens(info, rectified=rectified, topic=topic)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _lens_change(topic: str, before: CameraInfoFields | None, after: CameraInfoFields) -> str:
+    """Which field of the CameraInfo changes first, and how."""
+    field = next(f for f in after._fields if getattr(before, f, None) != getattr(after, f))
+    was, is_now = getattr(before, field, None), getattr(after, field)
+    return _line(f"{topic}: CameraInfo changes: {field} was {was!r} and is {is_now!r}")
+
+
+def _line(text: str) -> str:
+    """One printable line of bounded length, whatever a message had in it."""
+    line = "".join(c if c.isprintable() else "?" for c in text)
+    return line if len(line) <= MAX_LINE else f"{line[:MAX_LINE]}..."

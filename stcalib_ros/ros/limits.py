@@ -1,0 +1,138 @@
+"""Every number of the live side that decides something: its value, unit, meaning and origin.
+
+Times are by this machine's steady clock unless they are said to be of stamps.
+"""
+
+from __future__ import annotations
+
+MIN_CAMERAS = 2
+"""Cameras. With fewer, no run is started and nothing is checked: a camera is calibrated against
+others."""
+
+MAX_CAMERAS = 64
+"""Cameras. Parameters and results with more are refused, so that what a message or a parameter file
+asks for stays bounded. Chosen, far above the rigs of the benchmarks; not measured."""
+
+# What is accepted of a message ------------------------------------------------------------------
+
+MAX_TEXT = 256
+"""Characters. A name in a message (layout, joint, frame, camera, run) that is longer is refused, or
+cut where it is only printed. ROS 2 limits topic names to about as many; otherwise chosen."""
+
+MAX_LINE = 400
+"""Characters. A warning made of what a message held is cut here, so that no sender fills the log.
+Chosen: one name within `MAX_TEXT` and what is said about it fit; not measured."""
+
+MAX_SEQUENCE_GAP = 1_000_000
+"""Messages. A jump of a publisher's sequence number that is at least so large is another publisher
+and not a loss. Nine hours at 30 Hz, longer than any gap that this node would live through."""
+
+# Images that do not continue a stream -----------------------------------------------------------
+
+MAX_STAMP_STEP_S = 1.0
+"""Seconds of stamps. An image further than this from the newest one, either way, does not continue
+the stream. Chosen: above the hiccups of a busy machine; its effect is tested with simulated senders
+(test/ros/test_streams.py), not verified on real drivers."""
+
+MAX_ASIDE_STEP_S = 10.0
+"""Seconds of stamps. Images that were set aside continue each other over gaps up to this, so that a
+bag that is played again with losses is one stream. Chosen; not verified on real drivers."""
+
+MAX_ASIDE_STREAMS = 3
+"""Streams. So many that do not continue the camera's are kept beside it; with one more the shortest
+is dropped. They share the memory of the camera (`Limits.max_mb`), a third each, so that strangers
+cannot exhaust it: two strangers, and the camera itself after a change. Chosen."""
+
+QUIET_S = 1.0
+"""Seconds. Another stream replaces the camera's only if nothing has come of the latter for this
+long: a camera that is sending cannot be displaced. Chosen: ten periods at 10 Hz."""
+
+CONFIRMING_IMAGES = 10
+"""Images. So many must continue each other before they replace what is there, so that no single
+message empties a buffer. Chosen: a third of a second at 30 Hz."""
+
+LENS_QUIET_S = 3.0
+"""Seconds. Another CameraInfo counts if the one in force has not come for this long. Chosen: three
+periods of a driver that repeats it every second; most send it with every image."""
+
+MAX_OTHER_LENSES = 3
+"""CameraInfos. So many that differ from the one in force are kept until it is clear which one is
+the camera's; as `MAX_ASIDE_STREAMS`."""
+
+# Whether it is worth a calibration --------------------------------------------------------------
+
+SAMPLE_S = 0.5
+"""Seconds of stamps. Images this far apart are compared to see whether somebody moves: about one
+step of a walking person, whose displacement is far above the noise of keypoints. Chosen."""
+
+MAX_SAMPLE_GAP_S = 1.5
+"""Seconds of stamps. Over a longer gap no motion is counted, as it is not known when it happened.
+Derived: three times `SAMPLE_S`."""
+
+MIN_MOTION = 0.05
+"""Fraction of the height of a person in the image. A median displacement of the keypoints within
+`SAMPLE_S` above this counts as moving: 9 cm for an adult. Noise of 3 px per axis alone reaches it
+at a height of 100 px (3 sqrt(2) times 1.18, the Rayleigh median, is 5 px). The limit below which
+the calibration itself refuses (core/lifting) is lower, 0.03: that one is compared with the range of
+smoothed keypoints over a whole recording and decides whether anybody moves at all, this one with
+two single images, and it decides when to calibrate unasked. Not verified on real recordings."""
+
+MIN_MOVING_JOINTS = 3
+"""Joints. The displacement of a person is the median of at least so many: the fewest of which one
+outlier does not decide. Derived."""
+
+GATHERING_S = 3.0
+"""Seconds of stamps. A camera that saw motion within this and has not enough of it yet is waited
+for. Chosen: short beside `min_motion_s`; not measured."""
+
+# The watch --------------------------------------------------------------------------------------
+
+LATE_S = 3.0
+"""Seconds of stamps. Images that come up to this much later than those of other cameras are waited
+for; a camera further behind or ahead raises the alarm that its stamps are off. Chosen: above the
+latency of pose estimators that keep up; not verified on real recordings."""
+
+ARRIVING_S = 1.5
+"""Seconds. A camera of which nothing has come for longer is not waited for by the watch. Chosen."""
+
+BACKWARDS_S = 1.0
+"""Seconds of stamps. If the newest images are older than what was looked at by more than this, time
+has started again, as with a bag that is played in a loop. Chosen."""
+
+# Warnings ---------------------------------------------------------------------------------------
+
+STARVED_S = 5.0
+"""Seconds. A camera or topic of which nothing came for so long is reported as starved. Chosen:
+above what discovery takes; not measured."""
+
+REPEAT_S = 5.0
+"""Seconds. A warning about one subject is repeated no sooner; the log stays readable."""
+
+REPEAT_STARVED_S = 30.0
+"""Seconds. The same for a camera or topic that is starved, which can last for hours."""
+
+# Periods and patience ---------------------------------------------------------------------------
+
+CHECK_S = 1.0
+"""Seconds. Diagnostics are published, and it is considered whether to calibrate, this often: the
+usual rate of /diagnostics."""
+
+LOOK_S = 0.5
+"""Seconds. The relay looks this often for publishers of its topics and for their reliability."""
+
+LOAD_SPAN_S = 60.0
+"""Seconds. Delays and durations on /diagnostics are those of the last so many."""
+
+STOP_S = 1.0
+"""Seconds. A run is given this long to end when the node stops; then the process leaves it. Below
+the 5 s that launch waits between SIGINT and SIGTERM."""
+
+SPIN_S = 0.2
+"""Seconds. SIGINT and SIGTERM are acted on within this."""
+
+WAIT_S = 5.0
+"""Seconds. ``replay --play`` waits at most this long for subscriptions by default."""
+
+LINGER_S = 0.5
+"""Seconds. After the last message the player stays this long, for it to arrive before the process
+ends."""

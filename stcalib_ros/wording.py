@@ -1,0 +1,89 @@
+"""How a result is put into words, for the terminal and for reports alike."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
+from stcalib_ros.core.model.rolling_shutter import MAX_READOUT_STDDEV_S
+
+PLUS_MINUS = "+-"
+
+
+def count(n: int, noun: str) -> str:
+    """Say how many.
+
+    Examples
+    --------
+    >>> count(1, "person"), count(2, "person")
+    ('1 person', '2 persons')
+    """
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
+def plus_minus(stddev: float, digits: int, sign: str = PLUS_MINUS) -> str:
+    """Say a standard deviation, after its value; nothing if it is not known.
+
+    Examples
+    --------
+    >>> plus_minus(0.0126, 3)
+    ' +- 0.013'
+    """
+    return f" {sign} {stddev:.{digits}f}" if math.isfinite(stddev) else ""
+
+
+def decimals(values: Float64Array, digits: int) -> list[str]:
+    """Return numbers with so many decimals; no -0."""
+    return [f"{value + 0.0:.{digits}f}" for value in np.round(values, digits)]
+
+
+def length_unit(metric: bool) -> str:
+    """Return the symbol of the unit of length of a calibration."""
+    return "m" if metric else "baselines"
+
+
+def scale_text(calibration: Calibration) -> str:
+    """Say the unit of length and how well it is known."""
+    if not calibration.metric:
+        return "distances between the first two cameras"
+    if not math.isfinite(calibration.scale_stddev):
+        return "metres"
+    return f"metres (good to {100 * calibration.scale_stddev:.2g} %)"
+
+
+def frame_text(calibration: Calibration) -> str:
+    """Say which frame the poses are in."""
+    ref = calibration.reference
+    if not calibration.frame_id:
+        return f"the optical frame of {ref} (x right, y down, z forward)"
+    return f"{calibration.frame_id} (z up, floor at 0, below {ref}, which looks along x)"
+
+
+def clock_text(camera: CameraCalibration, reference: str, sign: str = PLUS_MINUS) -> str:
+    """Say time offset, clock skew and line delay of a camera."""
+    if camera.name == reference:
+        return "reference" + line_delay_text(camera, sign)
+    text = f"{1e3 * camera.time_offset_s:+.2f} ms"
+    text += plus_minus(1e3 * camera.time_offset_stddev_s, 2, sign)
+    if camera.clock_skew:
+        text += f", {1e6 * camera.clock_skew:+.2f} ppm"
+        text += plus_minus(1e6 * camera.clock_skew_stddev, 2, sign)
+    return text + line_delay_text(camera, sign)
+
+
+def line_delay_text(camera: CameraCalibration, sign: str = PLUS_MINUS) -> str:
+    """Say the line delay of a camera, after a comma; nothing for a global shutter."""
+    line_us, stddev_us = 1e6 * camera.line_time_s, 1e6 * camera.line_time_stddev_s
+    if not math.isfinite(stddev_us):
+        return f", {line_us:.2f} us per row" if line_us else ""
+    if camera.line_time_stddev_s * camera.intrinsics.height <= MAX_READOUT_STDDEV_S:
+        return f", {line_us:.2f} {sign} {stddev_us:.2f} us per row"
+    return f", {line_us:.2f} us per row (not observable: {sign} {stddev_us:.1f})"
+
+
+def margin_text(margin: float) -> str:
+    """Say how much worse the next best assignment of a person fits."""
+    return f"{margin:.1f} x worse" if math.isfinite(margin) else "none"
