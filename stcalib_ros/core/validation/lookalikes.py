@@ -20,7 +20,7 @@ from stcalib_ros.core.validation.thresholds import (
 )
 
 _MAX_SAMPLES = 200
-"""Time steps of the clip that are compared; purely numerical: neighbours are alike."""
+"""Time steps of the clip that are compared; purely numerical: neighbouring ones hardly differ."""
 
 
 def has_lookalike_alternative(last: Iteration) -> BoolArray:

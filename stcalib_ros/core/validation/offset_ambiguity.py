@@ -19,7 +19,7 @@ from stcalib_ros.core.validation.thresholds import (
 )
 
 _JOINTS = 5
-"""Joints of a person that are compared, about; purely numerical: neighbours move alike."""
+"""Joints of a person that are compared, about; purely numerical: neighbours move together."""
 _FINE_FRAMES = 9
 """Frames. From here on every third alternative is tried; purely numerical: errors vary slowly."""
 

@@ -75,8 +75,8 @@ def _advice(
 
 def shared_s(last: Iteration) -> Float64Array:
     """Time (C, C) for which two cameras see somebody together, summed over persons, seconds."""
-    seen = last.state.inlier.any(2).astype(float)
-    return np.asarray(seen.T @ seen * last.observations.step_s)
+    observed = last.state.inlier.any(2).astype(float)
+    return np.asarray(observed.T @ observed * last.observations.step_s)
 
 
 def unobservable_clock_skews(last: Iteration) -> tuple[Remark, ...]:
