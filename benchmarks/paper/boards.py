@@ -43,7 +43,7 @@ class BoardShots:
     views: PointViews
 
     @property
-    def seen(self) -> BoolArray:
+    def observed(self) -> BoolArray:
         """Whether a camera observes a board, (B, C)."""
         return np.asarray(np.isfinite(self.pixels).all((2, 3)))
 
