@@ -215,7 +215,7 @@ def _integrated(
         return empty
     rig = optimise(cameras, hypotheses, synchronised=True)
     rounds = _rounds(s, rig, pairs, options)
-    return replace(empty, rigs=(rig,), rounds=rounds)
+    return replace(empty, rigs=(rig,), iterations=rounds)
 
 
 def _rounds(
