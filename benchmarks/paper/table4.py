@@ -46,7 +46,7 @@ def unbiased_rows(trial: int) -> list[Row]:
     scene = scene_named(SCENE)
     made = lifted_scene(scene, trial=trial, bias_mm=0.0)
     options = options_of("correlation", scene.T, range_s=0.0)
-    method = "default, key points without bias"
+    method = "default, keypoints without bias"
     return stage_rows(SCENE, method, trial, made.recording, made.truth, options, fps=FPS)
 
 

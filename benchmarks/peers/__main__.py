@@ -31,7 +31,7 @@ from stcalib_ros.io.mocap import shipped_clips
 
 OUT = Path("out")
 ADAPTERS = Path(__file__).parent / "adapters"
-BIAS_MM = {"unbiased key points": 0.0, "key points off by 20 mm": 20.0}
+BIAS_MM = {"unbiased keypoints": 0.0, "keypoints off by 20 mm": 20.0}
 """Kinds of scenes, with their view-dependent keypoint bias, mm (rms per axis)."""
 _LIMIT_S = 600.0
 """Seconds after which a program counts as failed."""

@@ -58,7 +58,8 @@ def read_bag(
         Given a type name (``stcalib_ros/msg/PersonPose3DArray``) and the CDR bytes, returns the
         message. Default: decoding without ROS.
     warn : callable, optional
-        Told, in one line each, what was odd but not in the way. Default: the module's logger.
+        Called with one line for each oddity that did not stop the reading. Default: the logger
+        of the module.
 
     Returns
     -------

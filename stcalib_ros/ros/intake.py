@@ -29,7 +29,7 @@ class Intake:
     cameras : sequence of SelectedCamera
     buffers : Buffers
     meter : Meter
-        Told of every message of poses.
+        Called with every message of poses.
     """
 
     def __init__(self, cameras: Sequence[SelectedCamera], buffers: Buffers, meter: Meter) -> None:

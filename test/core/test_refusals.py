@@ -192,7 +192,7 @@ def no_poses(camera):
 @pytest.mark.parametrize(
     "change",
     [nothing_seen, no_poses, lambda c: replace(c, tracks=())],
-    ids=["no key points", "no poses", "no tracks"],
+    ids=["no keypoints", "no poses", "no tracks"],
 )
 def test_a_camera_that_saw_nobody(four, name, change):
     calibration = verdict(changed(four.recording, name, change))

@@ -28,7 +28,7 @@ def problem(
     *,
     cameras: int = 3,
     people: int = 2,
-    knots: int = 8,
+    time_bins: int = 8,
     joints: int = 3,
     sigma_px: float = 1.0,
     offset_s: float = 0.004,
@@ -41,13 +41,16 @@ def problem(
 
     The first camera is the reference; clocks of the others are still off by up to `offset_s`.
     """
-    N = people * knots
-    person, knot = np.repeat(np.arange(people), knots), np.tile(np.arange(knots), people)
+    N = people * time_bins
+    person, time_bin = (
+        np.repeat(np.arange(people), time_bins),
+        np.tile(np.arange(time_bins), people),
+    )
     R, t = _arc(rng, cameras)
     start = rng.uniform([-1, -1, 4], [1, 1, 6], (people, joints, 3))
     pace = rng.uniform(-pace_m_s, pace_m_s, (people, joints, 3))
     A = rng.uniform(-acceleration, acceleration, (people, joints, 3))[person]
-    elapsed = (knot * STEP_S)[:, None, None]
+    elapsed = (time_bin * STEP_S)[:, None, None]
     V = pace[person] + elapsed * A
     X = start[person] + elapsed * (pace[person] + 0.5 * elapsed * A)
     phi = rng.uniform(-phi_frames, phi_frames, (N, cameras)) * STEP_S
@@ -63,7 +66,7 @@ def problem(
     x = Y[..., :2] / Y[..., 2:] + sigma_px * rng.normal(size=(*seen.shape, 2)) / focal[..., None]
     x[~seen] = 0
     track = np.where(seen.any(-1), person[:, None], -1)
-    return Problem(Observations(person, knot, track, phi, x, focal, seen, 0.0, STEP_S), truth)
+    return Problem(Observations(person, time_bin, track, phi, x, focal, seen, 0.0, STEP_S), truth)
 
 
 def _arc(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:

@@ -187,8 +187,10 @@ def finish_iteration(
     """The record of a round that started from a rig; `total` image points (C,) in all."""
     errors = errors_px(observations, state)
     median = median_error(errors, state.inlier)
-    share = float((state.inlier.sum((0, 2)) / np.maximum(total, 1)).min())
-    return Iteration(_rig_of(state, rig), association, observations, state, median, coverage, share)
+    explained = float((state.inlier.sum((0, 2)) / np.maximum(total, 1)).min())
+    return Iteration(
+        _rig_of(state, rig), association, observations, state, median, coverage, explained
+    )
 
 
 def readjusted(

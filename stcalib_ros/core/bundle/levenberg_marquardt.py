@@ -136,7 +136,7 @@ def cluster_scores(
     -------
     system : ReducedSystem
     scores : (layout.size, n) ndarray
-        Share of each cluster in the gradient; their sum is ``system.g``.
+        Part of each cluster in the gradient; their sum is ``system.g``.
     """
     sigma = noise_px(obs, state)
     problem = PointProblem(obs, state, CAUCHY * sigma, layout)

@@ -1,8 +1,8 @@
 """The image points of associated persons, laid out for bundle adjustment.
 
-World time is cut at uniform knots. Every image of every camera belongs to the knot nearest
+World time is cut at uniform time bins. Every image of every camera belongs to the time bin nearest
 to it by the present offsets, or to the one beside it that has none, where jitter put two images
-next to one knot; the rest, half a step or little more, is left to the motion model
+next to one time bin; the rest, half a step or little more, is left to the motion model
 ``X + phi V`` (Section IV).
 """
 
@@ -23,23 +23,23 @@ from stcalib_ros.core.model.rig import Rig
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observations:
-    """Image points by row (one person at one knot), camera and joint.
+    """Image points by row (one person at one time bin), camera and joint.
 
     Attributes
     ----------
     person, time_bin : (N,) ndarray of int
-        Rows are sorted by person, then knot.
+        Rows are sorted by person, then time bin.
     track : (N, C) ndarray of int
         Index of the track that the points come from; -1 where none.
     phi : (N, C) ndarray
-        Time of the image after the knot by the offsets of the rig, seconds.
+        Time of the image after the time bin by the offsets of the rig, seconds.
     x : (N, C, J, 2) ndarray
         Points on the plane z = 1; 0 where not seen.
     focal : (N, C, J) ndarray
         Pixels per unit of x.
     observed : (N, C, J) ndarray of bool
     start_s, step_s : float
-        Time of knot 0 and between knots.
+        Time of time bin 0 and between time bins.
     row : (N, C, J) ndarray or None
         Of the points in their images, px, from the row that `phi` is the time of; 0 where not
         seen. None where all shutters take all rows at once.
@@ -72,7 +72,7 @@ class Observations:
         return PointTimes(self.since_middle(rows)[:, None, None], row)
 
     def elapsed(self, rows: slice | IntArray = slice(None)) -> Float64Array:
-        """Time of the points after their knots by the offsets of the rig, seconds.
+        """Time of the points after their time bins by the offsets of the rig, seconds.
 
         (n, C, J), or (n, C, 1) where all joints of an image are seen at once.
         """
@@ -101,17 +101,17 @@ class Observations:
 def observe(
     cameras: Sequence[LiftedCamera], rig: Rig, association: Association, *, step_s: float
 ) -> Observations:
-    """Collect the image points of all persons that at least two cameras see at a knot."""
+    """Collect the image points of all persons that at least two cameras see at a time bin."""
     members = [cameras[c] for c in rig.cameras]
     C = len(members)
     some = next(t for m in members for t in m.tracks)
     J, precision = some.x.shape[1], some.x.dtype
-    n_knots = int(np.ceil(association.person_of[0].shape[1] * association.slot_s / step_s)) + 2
-    cells = np.zeros((association.n_persons * n_knots, C), dtype=np.int64) - 1
+    n_bins = int(np.ceil(association.person_of[0].shape[1] * association.slot_s / step_s)) + 2
+    cells = np.zeros((association.n_persons * n_bins, C), dtype=np.int64) - 1
     table = [_images(m, rig, i, association, step_s) for i, m in enumerate(members)]
     for c, images in enumerate(table):
         order = np.argsort(-np.abs(images.phi), kind="stable")
-        cells[images.person[order] * n_knots + images.knot[order], c] = order
+        cells[images.person[order] * n_bins + images.time_bin[order], c] = order
     rows = np.flatnonzero((cells >= 0).sum(-1) >= 2)
     N = len(rows)
     x, focal = np.zeros((N, C, J, 2), precision), np.ones((N, C, J), precision)
@@ -130,10 +130,10 @@ def observe(
         phi[there, c], track[there, c] = images.phi[image], images.track[image]
         if row is not None and images.rows is not None:
             row[there, c] = np.where(known, images.rows[image], 0.0)
-    person, knot = rows // n_knots, rows % n_knots
-    middle = 0.5 * float(knot.min() + knot.max()) * step_s if N else 0.0
+    person, time_bin = rows // n_bins, rows % n_bins
+    middle = 0.5 * float(time_bin.min() + time_bin.max()) * step_s if N else 0.0
     return Observations(
-        *(person, knot, track, phi, x, focal, seen),
+        *(person, time_bin, track, phi, x, focal, seen),
         *(association.start_s, step_s, row),
         np.array([m.shutter.line_time_s for m in members]) if rolling else None,
         association.start_s + middle,
@@ -143,7 +143,7 @@ def observe(
 @dataclass(frozen=True, slots=True, eq=False)
 class _CameraImages:
     person: IntArray
-    knot: IntArray
+    time_bin: IntArray
     phi: Float64Array
     track: IntArray
     x: Float32Array
@@ -154,35 +154,35 @@ class _CameraImages:
 def _images(
     camera: LiftedCamera, rig: Rig, i: int, association: Association, step_s: float
 ) -> _CameraImages:
-    """All images of associated persons of one camera, with the knots they belong to."""
+    """All images of associated persons of one camera, with the time bins they belong to."""
     parts = []
     times = camera.stamps + rig.offset_s[i]
     elapsed = times - association.start_s
-    knots = nearest_knots(elapsed / step_s)
-    late = elapsed - knots * step_s
+    time_bins = nearest_bins(elapsed / step_s)
+    late = elapsed - time_bins * step_s
     for p, track in enumerate(camera.tracks):
         person = association.person_of[i][p][association.slot(times[track.frames])]
         use = person >= 0
         frames = track.frames[use]
         index = np.full(len(frames), p, dtype=np.int64)
-        part = (person[use], knots[frames], late[frames], index, track.x[use], track.focal[use])
+        part = (person[use], time_bins[frames], late[frames], index, track.x[use], track.focal[use])
         parts.append(part if track.rows is None else (*part, track.rows[use]))
     return _CameraImages(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def nearest_knots(position: Float64Array) -> IntArray:
-    """Knots of the images of a camera at increasing positions (F,), in steps.
+def nearest_bins(position: Float64Array) -> IntArray:
+    """Time bins of the images of a camera at increasing positions (F,), in steps.
 
-    Of two images next to one knot, the earlier one moves to the knot before if that has none and
-    is less than three quarters of a step away, or else the later one to the knot after.
+    Of two images in one time bin, the earlier one moves to the time bin before if that has none and
+    is less than three quarters of a step away, or else the later one to the time bin after.
     """
-    knot: IntArray = np.rint(position).astype(np.int64)
+    time_bin: IntArray = np.rint(position).astype(np.int64)
     for first, way in ((0, -1), (1, 1)):
-        movable = np.flatnonzero(knot[1:] == knot[:-1]) + first
-        to = knot[movable] + way
-        free = ~np.isin(to, knot) & (np.abs(position[movable] - to) < FURTHEST_BINS)
-        knot[movable[free]] = to[free]
-    return knot
+        movable = np.flatnonzero(time_bin[1:] == time_bin[:-1]) + first
+        to = time_bin[movable] + way
+        free = ~np.isin(to, time_bin) & (np.abs(position[movable] - to) < FURTHEST_BINS)
+        time_bin[movable[free]] = to[free]
+    return time_bin
 
 
 def blocks_of(obs: Observations) -> Iterator[slice]:

@@ -35,7 +35,7 @@ class BundleState:
     shift_s : (C,) ndarray
         Correction of the offsets that `Observations.phi` was computed with.
     X : (N, J, 3) ndarray
-        Joints at the knots in the reference frame.
+        Joints at the time bins in the reference frame.
     V, A : (N, J, 3) ndarray
         Velocities and accelerations, per second and squared second.
     inlier : (N, C, J) ndarray of bool
@@ -103,7 +103,7 @@ def triangulated(used: BoolArray) -> BoolArray:
 def initial_state(obs: Observations, rig: Rig) -> BundleState:
     """Triangulate everything with the poses of a rig and estimate the velocities.
 
-    Done twice: the second time every ray starts where the motion since the knot puts it.
+    Done twice: the second time every ray starts where the motion since the time bin puts it.
     """
     R_cam_ref = np.swapaxes(rig.R_ref_cam, -1, -2).copy()
     t_cam_ref = -np.einsum("cij,cj->ci", R_cam_ref, rig.t_ref_cam)
@@ -142,7 +142,7 @@ def _rays(x: Float32Array, rig: Rig) -> Float64Array:
 def estimate_motion(
     obs: Observations, X: Float64Array, present: BoolArray, *, smooth_s: float = 0.0
 ) -> tuple[Float64Array, Float64Array]:
-    """Velocities and accelerations (N, J, 3) by a local fit along each person's knots.
+    """Velocities and accelerations (N, J, 3) by a local fit along each person's time bins.
 
     Of noisy points with `smooth_s`: by cubics over so many seconds to either side.
     """
@@ -150,12 +150,12 @@ def estimate_motion(
     fit = smooth_motion if smooth_s else local_motion
     V, A = np.zeros((2, *X.shape))
     for rows in person_rows_of(obs):
-        knots = obs.time_bin[rows] - obs.time_bin[rows][0]
-        n = int(knots[-1]) + 1
+        time_bins = obs.time_bin[rows] - obs.time_bin[rows][0]
+        n = int(time_bins[-1]) + 1
         path, there = np.zeros((n, *X.shape[1:])), np.zeros((n, X.shape[1]), dtype=bool)
-        path[knots], there[knots] = X[rows], present[rows]
+        path[time_bins], there[time_bins] = X[rows], present[rows]
         per_step, per_step2 = fit(path, there, half_window=half_window)
-        V[rows], A[rows] = per_step[knots] / obs.step_s, per_step2[knots] / obs.step_s**2
+        V[rows], A[rows] = per_step[time_bins] / obs.step_s, per_step2[time_bins] / obs.step_s**2
     return V, A
 
 

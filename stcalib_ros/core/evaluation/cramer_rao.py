@@ -7,7 +7,7 @@ free points
     Every joint is anywhere at every moment; how it moves within half a frame is known. What the
     adjustment would reach if its velocities had no noise.
 splines
-    Every trajectory is a cubic B-spline with a knot per time bin, and its accelerations have a
+    Every trajectory is a cubic B-spline with a time bin per time bin, and its accelerations have a
     Gaussian prior of their true mean square; the bound is that of van Trees. Velocities have to be
     estimated, and what only one camera observes counts as well.
 
@@ -94,7 +94,7 @@ class TrueViews:
 
     @property
     def step_s(self) -> float:
-        """Between the knots: the median of the frame periods, the longer of two in the middle."""
+        """Length of a time bin: the median of the frame periods, the longer of the middle two."""
         periods = sorted(float(np.median(np.diff(t))) for t in self.times_s)
         return periods[len(periods) // 2]
 
@@ -200,12 +200,12 @@ def true_problem(views: TrueViews, path: Path) -> tuple[Observations, BundleStat
     K = 1 + round((max(float(t[-1]) for t in views.times_s) - views.start_s) / step)
     phi, seen = np.zeros((K, C)), np.zeros((K, C, P, J), dtype=bool)
     for c, (times, mask) in enumerate(zip(views.times_s, views.observed, strict=True)):
-        knot = np.rint((times - views.start_s) / step).astype(np.int64)
-        late = times - views.start_s - knot * step
+        time_bin = np.rint((times - views.start_s) / step).astype(np.int64)
+        late = times - views.start_s - time_bin * step
         order = np.argsort(-np.abs(late), kind="stable")
-        phi[knot[order], c], seen[knot[order], c] = late[order], mask[order]
+        phi[time_bin[order], c], seen[time_bin[order], c] = late[order], mask[order]
     seen &= (seen.sum(1) >= 2)[:, None]
-    person, knot = (one.ravel() for one in np.indices((P, K)))
+    person, time_bin = (one.ravel() for one in np.indices((P, K)))
     moments = np.asarray(views.start_s + step * np.arange(K), dtype=np.float64)
     X, V, A = (path(moments, n) for n in range(3))
     X, V, A = (one.swapaxes(0, 1).reshape(P * K, J, 3) for one in (X, V, A))
@@ -214,7 +214,7 @@ def true_problem(views: TrueViews, path: Path) -> tuple[Observations, BundleStat
     focal = np.broadcast_to(views.focal_px[:, None], used.shape).copy()
     obs = Observations(
         person,
-        knot,
+        time_bin,
         np.where(used.any(-1), person[:, None], -1),
         np.tile(phi, (P, 1)),
         np.zeros((*used.shape, 2)),
@@ -290,8 +290,8 @@ def _derivatives(
 
 def _prior(views: TrueViews, path: Path, K: int) -> Float64Array:
     """Normal equations (4, K, P J, 3, 3) of second differences, by the true accelerations."""
-    knots = np.asarray(views.start_s + views.step_s * np.arange(K - 2), dtype=np.float64)
-    A = path(knots, 2).reshape(K - 2, -1, 3)
+    time_bins = np.asarray(views.start_s + views.step_s * np.arange(K - 2), dtype=np.float64)
+    A = path(time_bins, 2).reshape(K - 2, -1, 3)
     variance = np.maximum((A**2).mean((0, 2)), _LEAST_ACCELERATION**2) * views.step_s**4
     return smoothness(K, 1.0 / variance)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.limits import NEAREST
-from stcalib_ros.core.bundle.observations import Observations, nearest_knots
+from stcalib_ros.core.bundle.observations import Observations, nearest_bins
 from stcalib_ros.core.bundle.outliers import outlier_limit_px
 from stcalib_ros.core.bundle.parameters import Cameras
 from stcalib_ros.core.bundle.residuals import camera_points, errors_px, noise_px
@@ -86,7 +86,7 @@ def _evenness(members: Sequence[LiftedCamera], last: Iteration) -> float:
     obs = last.observations
     occupied = []
     for camera, offset in zip(members, last.rig.offset_s, strict=True):
-        knots = nearest_knots((camera.stamps + offset - obs.start_s) / obs.step_s)
+        knots = nearest_bins((camera.stamps + offset - obs.start_s) / obs.step_s)
         occupied.append(len(np.unique(knots)) / (1 + int(knots[-1] - knots[0])))
     return min(occupied)
 

@@ -41,31 +41,31 @@ _LEAST_STDDEV_S = 1e-5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _TimedImages:
-    """The images of C cameras at K knots, and the rows (N,) that they are in.
+    """The images of C cameras at K time bins, and the rows (N,) that they are in.
 
     Attributes
     ----------
     time_s : (K,) ndarray
-        Of the knots.
-    knot : (N,) ndarray of int
-        Position of each row's knot among them.
+        Times of the time bins, s.
+    time_bin : (N,) ndarray of int
+        Position of each row's time bin among them.
     own : (N, C) ndarray of bool
-        The row shows that image; else another image of the camera at the same knot.
+        The row shows that image; else another image of the camera at the same time bin.
     stamp : (N, C) ndarray of int
         Position of the stamp of each image in the row.
-    at_knot : (K, C) ndarray of int
+    at_bin : (K, C) ndarray of int
         Position of the stamp of the image; -1 where there is none.
     """
 
     time_s: Float64Array
-    knot: IntArray
+    time_bin: IntArray
     own: BoolArray
     stamp: IntArray
-    at_knot: IntArray
+    at_bin: IntArray
 
     def values(self, of_stamps: Sequence[Float64Array]) -> Float64Array:
         """Values (K, C) of the images from those of all stamps of each camera."""
-        columns = zip(of_stamps, self.at_knot.T, strict=True)
+        columns = zip(of_stamps, self.at_bin.T, strict=True)
         return np.stack([np.where(at >= 0, value[at], 0.0) for value, at in columns], 1)
 
 
@@ -130,18 +130,20 @@ def with_timestamp_errors(
 
 def _images_of(members: Sequence[LiftedCamera], last: Iteration) -> _TimedImages:
     obs = last.observations
-    knots, knot = np.unique(obs.time_bin, return_inverse=True)
+    time_bins, time_bin = np.unique(obs.time_bin, return_inverse=True)
     seen = obs.track >= 0
     before = last.rig.offset_s - last.state.shift_s
     when = obs.start_s + obs.time_bin[:, None] * obs.step_s + obs.phi - before
     stamp = np.stack([_nearest(m.stamps, t) for m, t in zip(members, when.T, strict=True)], 1)
-    at_knot = np.full((len(knots), len(members)), -1, dtype=np.int64)
+    at_bin = np.full((len(time_bins), len(members)), -1, dtype=np.int64)
     for c in range(len(members)):
         rows = np.flatnonzero(seen[:, c])
         order = rows[np.argsort(-np.abs(obs.phi[rows, c]), kind="stable")]
-        at_knot[knot[order], c] = stamp[order, c]
-    own = seen & (stamp == at_knot[knot])
-    return _TimedImages(np.asarray(obs.start_s + knots * obs.step_s), knot, own, stamp, at_knot)
+        at_bin[time_bin[order], c] = stamp[order, c]
+    own = seen & (stamp == at_bin[time_bin])
+    return _TimedImages(
+        np.asarray(obs.start_s + time_bins * obs.step_s), time_bin, own, stamp, at_bin
+    )
 
 
 def _nearest(stamps: Float64Array, times: Float64Array) -> IntArray:
@@ -154,7 +156,7 @@ def _nearest(stamps: Float64Array, times: Float64Array) -> IntArray:
 def _sums(images: _TimedImages, last: Iteration) -> tuple[Float64Array, Float64Array]:
     used = last.state.inlier & images.own[:, :, None]
     state = replace(last.state, inlier=used)
-    return time_sums(last.observations, state, images.knot)
+    return time_sums(last.observations, state, images.time_bin)
 
 
 def _posterior(
@@ -191,7 +193,7 @@ def _even(
 ) -> list[Float64Array]:
     """Corrections of all stamps towards even times, of cameras whose images agree; else zero."""
     out = []
-    for camera, at, found in zip(members, images.at_knot.T, correction_s.T, strict=True):
+    for camera, at, found in zip(members, images.at_bin.T, correction_s.T, strict=True):
         even = regular_times(camera.stamps)
         there = np.flatnonzero(at >= 0)
         a, b = even[at[there]], found[there]
@@ -204,7 +206,7 @@ def _without_trend(images: _TimedImages, correction_s: Float64Array) -> Float64A
     """Corrections (K, C) less the line through those of each camera."""
     out = np.zeros_like(correction_s)
     since = images.time_s - images.time_s.mean()
-    for c, at in enumerate(images.at_knot.T):
+    for c, at in enumerate(images.at_bin.T):
         there = np.flatnonzero(at >= 0)
         A = np.stack([np.ones(len(there)), since[there]], 1)
         y = correction_s[there, c]
@@ -217,7 +219,7 @@ def _by_row(
 ) -> Float64Array:
     """Corrections (N, C) of the images in the rows."""
     other = np.stack([e[at] for e, at in zip(even, images.stamp.T, strict=True)], 1)
-    return np.where(images.own, correction_s[images.knot], other)
+    return np.where(images.own, correction_s[images.time_bin], other)
 
 
 def _corrected(obs: Observations, correction_s: Float64Array) -> Observations:
@@ -228,7 +230,7 @@ def _corrected(obs: Observations, correction_s: Float64Array) -> Observations:
 def _errors(
     images: _TimedImages, correction_s: Float64Array, variance: Float64Array
 ) -> TimestampErrors:
-    there = images.at_knot >= 0
+    there = images.at_bin >= 0
     n = there.sum(0)
     square = ((correction_s**2 + variance) * there).sum(0) / n
     since = (images.time_s - images.time_s.mean())[:, None] * there

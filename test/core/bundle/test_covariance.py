@@ -46,7 +46,7 @@ def noisy(p, rng, sigma_px):
 def experiments(n, *, cameras, sigma_px=2.0):
     """Differences from the truth (n, 7 C) and predicted covariances (n, 7 C, 7 C)."""
     exact = problem(
-        np.random.default_rng(0), cameras=cameras, knots=60, joints=4, sigma_px=0, missing=0.1
+        np.random.default_rng(0), cameras=cameras, time_bins=60, joints=4, sigma_px=0, missing=0.1
     )
     errors, predicted = [], []
     for seed in range(n):
@@ -89,7 +89,7 @@ def test_a_covariance_is_symmetric_and_positive(repeated):
 
 
 def test_the_reference_is_certain_and_so_is_the_spread_of_the_cameras():
-    p = problem(np.random.default_rng(2), cameras=3, knots=40)
+    p = problem(np.random.default_rng(2), cameras=3, time_bins=40)
     state = adjust(p.o, p.truth, iterations=20, tolerance=1e-3)
     P = pose_covariance(p.o, state)
     assert not P[:7].any()
@@ -101,7 +101,7 @@ def test_the_reference_is_certain_and_so_is_the_spread_of_the_cameras():
 
 
 def test_a_known_distance_is_certain():
-    p = problem(np.random.default_rng(2), cameras=3, knots=40)
+    p = problem(np.random.default_rng(2), cameras=3, time_bins=40)
     state = adjust(p.o, p.truth, iterations=20, tolerance=1e-3)
     centres = camera_centres(state.R_cam_ref, state.t_cam_ref)
     P = with_known_distance(pose_covariance(p.o, state), centres, 1, 2)
@@ -122,7 +122,7 @@ def test_cameras_at_one_place_give_no_unit():
 
 
 def test_twice_the_noise_is_twice_the_deviation():
-    exact = problem(np.random.default_rng(3), cameras=4, knots=60, joints=4, sigma_px=0)
+    exact = problem(np.random.default_rng(3), cameras=4, time_bins=60, joints=4, sigma_px=0)
     deviations = []
     for sigma_px in (2.0, 4.0):
         o = noisy(exact, np.random.default_rng(0), sigma_px)
@@ -132,7 +132,7 @@ def test_twice_the_noise_is_twice_the_deviation():
 
 
 def test_the_unit_of_lengths_is_that_of_the_state():
-    p = problem(np.random.default_rng(4), cameras=3, knots=40)
+    p = problem(np.random.default_rng(4), cameras=3, time_bins=40)
     state = adjust(p.o, p.truth, iterations=20, tolerance=1e-3)
     lengths = ("t_cam_ref", "X", "V", "A")
     enlarged = replace(state, **{name: 5 * getattr(state, name) for name in lengths})
@@ -151,7 +151,7 @@ def test_parameters_are_those_of_the_result():
 @pytest.mark.parametrize(("n_unknowns", "expected"), [(1, 150), (26, 75), (100, 18), (10_000, 9)])
 def test_spans_of_clusters_are_halved_down_to_the_shortest(n_unknowns, expected):
     """Clusters of the only joint of one person over 600 time bins."""
-    p = problem(np.random.default_rng(1), people=1, knots=600, joints=10)
+    p = problem(np.random.default_rng(1), people=1, time_bins=600, joints=10)
     known = np.ones((600, 10), dtype=bool)
     found = clusters(p.o, known, n_unknowns=n_unknowns)
     first = found[:, 0]
@@ -162,7 +162,7 @@ def test_spans_of_clusters_are_halved_down_to_the_shortest(n_unknowns, expected)
 
 def with_two_at_one_place(rng):
     """A problem whose first two cameras stand at one place, the third elsewhere."""
-    p = problem(rng, cameras=3, knots=40, joints=6, sigma_px=0.0)
+    p = problem(rng, cameras=3, time_bins=40, joints=6, sigma_px=0.0)
     R, t = p.truth.R_cam_ref.copy(), p.truth.t_cam_ref.copy()
     R[1], t[1] = exp_so3(np.array([0.1, -0.2, 0.05])), 0.0
     truth = replace(p.truth, R_cam_ref=R, t_cam_ref=t)

@@ -38,7 +38,7 @@ def displaced(p, cells, px):
 
 
 def test_what_is_far_off_is_dropped(rng):
-    p = problem(rng, cameras=4, knots=20, missing=0)
+    p = problem(rng, cameras=4, time_bins=20, missing=0)
     cells = [(3, 1, 0), (7, 2, 1), (12, 0, 2)]
     p = displaced(p, cells, 60.0)
     state = drop_outliers(p.o, p.truth, BundleOptions())

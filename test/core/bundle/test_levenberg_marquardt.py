@@ -107,7 +107,7 @@ def dense_normal_equations(p, state, scale):
 
 
 def test_the_reduced_system_is_the_schur_complement_of_the_dense_one(rng):
-    p = problem(rng, people=1, knots=4, joints=2, missing=0.1)
+    p = problem(rng, people=1, time_bins=4, joints=2, missing=0.1)
     state = start_of(p, rng)
     system, _ = cluster_scores(p.o, state, every_point(p))
     H, g, n = dense_normal_equations(p, state, scale_of(p, state))
@@ -122,7 +122,7 @@ def test_the_reduced_system_is_the_schur_complement_of_the_dense_one(rng):
 
 
 def test_the_clusters_add_up_to_the_gradient(rng):
-    p = problem(rng, people=2, knots=5, joints=3)
+    p = problem(rng, people=2, time_bins=5, joints=3)
     state = start_of(p, rng)
     system, scores = cluster_scores(p.o, state, every_point(p))
     np.testing.assert_allclose(scores.sum(1), system.g, rtol=1e-9)
@@ -137,7 +137,7 @@ def test_the_clusters_add_up_to_the_gradient(rng):
 
 
 def test_the_division_into_blocks_does_not_matter(rng, monkeypatch):
-    p = problem(rng, people=2, knots=12)
+    p = problem(rng, people=2, time_bins=12)
     state = start_of(p, rng)
     whole = cluster_scores(p.o, state, every_point(p))
     end = adjust(p.o, state, iterations=10, tolerance=1e-6)
@@ -150,7 +150,7 @@ def test_the_division_into_blocks_does_not_matter(rng, monkeypatch):
 
 
 def test_the_gradient_is_that_of_the_robust_cost_where_points_are_optimal(rng):
-    p = problem(rng, people=1, knots=6, joints=2, missing=0)
+    p = problem(rng, people=1, time_bins=6, joints=2, missing=0)
     state = start_of(p, rng, 0.003)
     scale, C = scale_of(p, state), len(state.t_cam_ref)
 
@@ -229,7 +229,7 @@ def scipy_optimum(p, start, scale):
 
 
 def test_the_optimum_is_that_of_scipy(rng):
-    p = problem(rng, people=1, knots=8, joints=3)
+    p = problem(rng, people=1, time_bins=8, joints=3)
     x = p.o.x.copy()
     x[2, 1, 0] += 0.05  # 70 px: an outlier
     p = replace(p, o=replace(p.o, x=x))
@@ -258,7 +258,7 @@ def test_reference_and_spread_stay(seed):
 
 @pytest.mark.parametrize("cameras", [2, 3, 5])
 def test_without_noise_poses_and_offsets_are_exact(rng, cameras):
-    p = problem(rng, cameras=cameras, knots=12, sigma_px=0, missing=0.1)
+    p = problem(rng, cameras=cameras, time_bins=12, sigma_px=0, missing=0.1)
     end = adjust(p.o, start_of(p, rng, 0.02), iterations=300, tolerance=1e-9)
     # The given velocities lose 1e-4 of their size as the cameras are scaled to their spread.
     np.testing.assert_allclose(end.R_cam_ref, p.truth.R_cam_ref, atol=2e-5)
@@ -305,11 +305,11 @@ def rig_of(state):
 
 
 def test_the_start_triangulates_what_two_cameras_see(rng):
-    p = problem(rng, sigma_px=0, offset_s=0, knots=20, missing=0.3)
+    p = problem(rng, sigma_px=0, offset_s=0, time_bins=20, missing=0.3)
     state = initial_state(p.o, rig_of(p.truth))
     used = state.inlier.any(1)
     np.testing.assert_array_equal(used, p.o.observed.sum(1) >= 2)
-    # Images lie up to half a step from their knot: the motion in between is allowed for.
+    # Images lie up to half a step from their time bin: the motion in between is allowed for.
     away = np.linalg.norm(state.X - p.truth.X, axis=-1)[used]
     assert np.median(away) < 5e-3
     faster = np.linalg.norm(state.V - p.truth.V, axis=-1)[used]
@@ -328,14 +328,14 @@ def test_without_motion_the_start_is_exact(rng):
 
 
 def test_motion_is_per_second_and_by_person(rng):
-    p = problem(rng, people=3, knots=10)
+    p = problem(rng, people=3, time_bins=10)
     V, A = estimate_motion(p.o, p.truth.X, np.ones(p.truth.X.shape[:2], dtype=bool))
     np.testing.assert_allclose(V, p.truth.V, atol=1e-2)
     np.testing.assert_allclose(A, p.truth.A, atol=0.2)
 
 
 def test_motion_knows_of_missing_knots(rng):
-    p = problem(rng, people=2, knots=12)
+    p = problem(rng, people=2, time_bins=12)
     rows = np.sort(rng.permutation(24)[:18])
     o = replace(p.o, person=p.o.person[rows], time_bin=p.o.time_bin[rows])
     V, _ = estimate_motion(o, p.truth.X[rows], np.ones((18, 3), dtype=bool))
@@ -344,8 +344,8 @@ def test_motion_knows_of_missing_knots(rng):
 
 def test_noise_of_velocities_does_not_grow_with_the_rate(rng):
     noise = []
-    for knots, step_s in ((300, 1 / 30), (600, 1 / 60)):
-        p = problem(rng, people=1, knots=knots)
+    for time_bins, step_s in ((300, 1 / 30), (600, 1 / 60)):
+        p = problem(rng, people=1, time_bins=time_bins)
         o = replace(p.o, step_s=step_s)
         X = rng.standard_normal(p.truth.X.shape)
         V, _ = estimate_motion(o, X, np.ones(X.shape[:2], dtype=bool))

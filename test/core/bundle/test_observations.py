@@ -1,4 +1,4 @@
-"""Every image at the knot nearest to it."""
+"""Every image at the time bin nearest to it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from core_helpers import EXACT, lifted, true_rig
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stcalib_ros.core.bundle.observations import nearest_knots, observe
+from stcalib_ros.core.bundle.observations import nearest_bins, observe
 from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.integration.association import associate
 from stcalib_ros.core.registration.resampling import common_step
@@ -51,17 +51,17 @@ def test_images_are_within_half_a_step_of_their_knot_or_little_more(observed):
 
 def test_without_jitter_the_knot_is_the_nearest():
     position = np.arange(40) + 0.49
-    np.testing.assert_array_equal(nearest_knots(position), np.arange(40))
+    np.testing.assert_array_equal(nearest_bins(position), np.arange(40))
     twice = np.arange(0, 40, 0.5) + 0.2
-    np.testing.assert_array_equal(nearest_knots(twice), np.rint(twice))
+    np.testing.assert_array_equal(nearest_bins(twice), np.rint(twice))
 
 
 def test_an_image_gives_way_to_another_if_the_knot_beside_it_has_none():
     position = np.array([0.0, 1.6, 2.4, 3.6, 4.45, 6.6, 7.3, 8.0])
-    np.testing.assert_array_equal(nearest_knots(position), [0, 1, 2, 3, 4, 6, 7, 8])
-    # Too far from the free knot; and a later one that moves on.
-    np.testing.assert_array_equal(nearest_knots(np.array([2.1, 2.2, 3.0])), [2, 2, 3])
-    np.testing.assert_array_equal(nearest_knots(np.array([1.0, 2.1, 2.4])), [1, 2, 3])
+    np.testing.assert_array_equal(nearest_bins(position), [0, 1, 2, 3, 4, 6, 7, 8])
+    # Too far from the free time bin; and a later one that moves on.
+    np.testing.assert_array_equal(nearest_bins(np.array([2.1, 2.2, 3.0])), [2, 2, 3])
+    np.testing.assert_array_equal(nearest_bins(np.array([1.0, 2.1, 2.4])), [1, 2, 3])
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(-0.5, 0.5), st.floats(0.0, 0.25), st.floats(0.0, 0.3))
@@ -69,11 +69,11 @@ def test_images_with_jitter_lose_fewer_knots(seed, shift, jitter, lost):
     rng = np.random.default_rng(seed)
     position = np.arange(200) + shift + np.clip(rng.normal(0.0, jitter, 200), -0.49, 0.49)
     position = np.sort(position[rng.uniform(size=200) >= lost])
-    knot, nearest = nearest_knots(position), np.rint(position)
-    assert len(np.unique(knot)) >= len(np.unique(nearest))
-    assert (np.diff(knot) >= 0).all()
-    moved = np.flatnonzero(knot != nearest)
-    assert (np.abs(position - knot)[moved] < 0.75).all()
+    time_bin, nearest = nearest_bins(position), np.rint(position)
+    assert len(np.unique(time_bin)) >= len(np.unique(nearest))
+    assert (np.diff(time_bin) >= 0).all()
+    moved = np.flatnonzero(time_bin != nearest)
+    assert (np.abs(position - time_bin)[moved] < 0.75).all()
     shared = np.bincount((nearest + 1).astype(int))[(nearest[moved] + 1).astype(int)]
     assert (shared > 1).all()
 
@@ -134,10 +134,10 @@ def test_of_two_images_near_a_knot_the_nearer_is_taken(observed):
             times = camera.stamps[track.frames] + rig.offset_s[c]
             person = association.person_of[c][p, association.slot(times)]
             elapsed = times - o.start_s
-            own = nearest_knots((camera.stamps + rig.offset_s[c] - o.start_s) / o.step_s)
-            knot = own[track.frames]
-            away = np.abs(elapsed - knot * o.step_s)
-            for key, phi in zip(zip(person, knot, strict=True), away, strict=True):
+            own = nearest_bins((camera.stamps + rig.offset_s[c] - o.start_s) / o.step_s)
+            time_bin = own[track.frames]
+            away = np.abs(elapsed - time_bin * o.step_s)
+            for key, phi in zip(zip(person, time_bin, strict=True), away, strict=True):
                 if key in row_of:
                     taken = abs(o.phi[row_of[key], c])
                     assert taken <= phi + 1e-12
@@ -150,7 +150,7 @@ def test_hardly_an_image_is_lost(observed):
     for c, camera in enumerate(cameras):
         images = sum(len(t.frames) for t in camera.tracks)
         # Lost are those that no other camera sees at that moment, and every other one of the
-        # camera that is twice as fast as the knots.
+        # camera that is twice as fast as the time bins.
         every = max(1.0, o.step_s / frame_period(camera.stamps))
         assert (o.track[:, c] >= 0).sum() > 0.8 * images / every
 

@@ -36,7 +36,7 @@ def noisy(o, seed, sigma_px=2.0):
 @pytest.fixture(scope="module")
 def exact():
     return steady_phases(
-        problem(np.random.default_rng(0), people=8, knots=24, joints=6, sigma_px=0)
+        problem(np.random.default_rng(0), people=8, time_bins=24, joints=6, sigma_px=0)
     )
 
 
@@ -91,7 +91,7 @@ def test_the_order_of_persons_does_not_matter(exact):
 
 
 def test_who_stands_still_is_left_alone():
-    o, truth = steady_phases(problem(np.random.default_rng(1), knots=20, sigma_px=0))
+    o, truth = steady_phases(problem(np.random.default_rng(1), time_bins=20, sigma_px=0))
     X = truth.X[o.time_bin == 5][o.person]
     still = replace(truth, X=X, V=0 * X, A=0 * X)
     Y = X[:, None] @ np.swapaxes(still.R_cam_ref, 1, 2) + still.t_cam_ref[:, None]

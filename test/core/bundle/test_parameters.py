@@ -57,7 +57,7 @@ def seen_with(p, factors):
 def test_one_more_unknown_is_estimated_and_has_a_covariance():
     factors = np.array([0.02, -0.01, 0.015])
     rng = np.random.default_rng(5)
-    p = problem(rng, people=6, knots=30, joints=8, sigma_px=0.0, offset_s=0.0)
+    p = problem(rng, people=6, time_bins=30, joints=8, sigma_px=0.0, offset_s=0.0)
     o, truth = seen_with(p, factors)
     noise = rng.normal(size=o.x.shape) / o.focal[..., None]
     o = replace(o, x=np.where(o.observed[..., None], o.x + noise, 0.0))

@@ -23,7 +23,7 @@ SLOW = {"pace_m_s": 0.2, "acceleration": 0.02}
 
 def adjusted(rng, **motion):
     """A problem with clocks off by most of a frame, and what the usual adjustment makes of it."""
-    size = {"knots": 60, "joints": 10, "phi_frames": 0.0}
+    size = {"time_bins": 60, "joints": 10, "phi_frames": 0.0}
     p = problem(rng, sigma_px=3.0, offset_s=MOST_OF_A_FRAME, **size, **motion)
     start = replace(p.truth, shift_s=np.zeros(3))
     V, A = estimate_motion(p.o, p.truth.X, p.o.observed.any(1))
@@ -85,7 +85,7 @@ def test_calmer_velocities_are_nearer_to_those_of_slow_people(rng):
 @pytest.mark.parametrize("step_s", [1 / 60, 1 / 25])
 def test_half_a_second_whatever_the_frame_rate(rng, step_s):
     """A path of the third degree in time is read exactly, at any rate and over any window."""
-    p = problem(rng, knots=80)
+    p = problem(rng, time_bins=80)
     o = replace(p.o, step_s=step_s)
     when = (o.time_bin * step_s)[:, None, None]
     state = replace(p.truth, X=np.ones((1, 3, 3)) * when**3, inlier=np.ones_like(o.observed))

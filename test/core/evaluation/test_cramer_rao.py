@@ -142,7 +142,7 @@ def test_splines_are_those_of_the_dense_information(rates):
     views = scene(3)
     C, h = len(views.observed), views.step_s
     K = 4 + max(int((t[-1] - views.start_s) / h) for t in views.times_s)
-    knots = views.start_s + h * np.arange(-3, K + 1)
+    time_bins = views.start_s + h * np.arange(-3, K + 1)
     used = [(c, *m) for c in range(C) for m in np.argwhere(views.observed[c])]
     variance = (path(np.arange(3), 2) ** 2).mean((0, 3)).ravel() * h**4
     # Quadratic paths are in the space of the splines: differences are by the coefficients.
@@ -156,7 +156,7 @@ def test_splines_are_those_of_the_dense_information(rates):
         for c, k, p, j in used:
             t = views.times_s[c][k]
             late = cameras[c, 6] + rate[c] * (t - views.middle_s)
-            X = path([t + late], 0)[0, p, j] + BSpline(knots, change[p, j], 3)(t)
+            X = path([t + late], 0)[0, p, j] + BSpline(time_bins, change[p, j], 3)(t)
             out.append(image(after, c, X))
         return np.concatenate(out)
 

@@ -1,4 +1,4 @@
-"""Monocular poses put where their key points are."""
+"""Monocular poses put where their keypoints are."""
 
 from __future__ import annotations
 

@@ -23,13 +23,13 @@ from stcalib_ros.core.synthetic import SceneOptions, paper_scene
 STEP_S = 1 / 30
 
 
-def rows(person, knot, joints=2):
-    """Observations of which only the persons and knots matter."""
+def rows(person, time_bin, joints=2):
+    """Observations of which only the persons and time bins matter."""
     N = len(person)
     nothing = np.zeros((N, 2, joints))
     return Observations(
         np.array(person),
-        np.array(knot),
+        np.array(time_bin),
         np.zeros((N, 2), dtype=np.int64),
         np.zeros((N, 2)),
         np.zeros((N, 2, joints, 2)),

@@ -30,13 +30,13 @@ def exact():
 
 
 def changed(camera, change):
-    """The same camera with other 3D poses and the same key points."""
+    """The same camera with other 3D poses and the same keypoints."""
     tracks = tuple(replace(t, joints_cam=change(t.joints_cam)) for t in camera.tracks)
     return LiftedCamera(camera.name, camera.stamps, tracks)
 
 
 def projecting(camera, rng, sigma):
-    """Poses with errors of each frame that key points share."""
+    """Poses with errors of each frame that keypoints share."""
 
     def noisy(track):
         joints = track.joints_cam + sigma * rng.normal(size=track.joints_cam.shape)

@@ -91,7 +91,7 @@ def test_a_point_of_less_noise_counts_as_one_measured_more_finely(seed, noise):
 
 @pytest.fixture(scope="module")
 def subframe():
-    """Exact key points, clocks off by fractions of a frame, poses off by their usual errors.
+    """Exact keypoints, clocks off by fractions of a frame, poses off by their usual errors.
 
     And the truth of a pair.
     """

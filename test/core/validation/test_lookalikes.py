@@ -22,12 +22,12 @@ def walk(rng):
 
 def scene(paths, views):
     """A round of persons (P, K, J, 3) whom cameras see: per camera the numbers of persons."""
-    person, knot = (one.ravel() for one in np.mgrid[: len(paths), :K])
+    person, time_bin = (one.ravel() for one in np.mgrid[: len(paths), :K])
     used = np.zeros((len(person), len(views), J), dtype=bool)
     for c, persons in enumerate(views):
         used[np.isin(person, persons), c] = True
     return SimpleNamespace(
-        observations=SimpleNamespace(person=person, time_bin=knot),
+        observations=SimpleNamespace(person=person, time_bin=time_bin),
         state=SimpleNamespace(X=np.concatenate(paths), inlier=used),
     )
 

@@ -1,4 +1,4 @@
-"""Whether key points lean one way: the test that comes before the biases are estimated."""
+"""Whether keypoints lean one way: the test that comes before the biases are estimated."""
 
 from __future__ import annotations
 

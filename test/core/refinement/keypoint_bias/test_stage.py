@@ -1,4 +1,4 @@
-"""The last stage: key points that lean one way."""
+"""The last stage: keypoints that lean one way."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def other_bias(self, direction):
 
 @pytest.fixture(scope="module", params=["polynomial", "other"])
 def leaning(request):
-    """Scene and stages with key points that are off by 20 mm."""
+    """Scene and stages with keypoints that are off by 20 mm."""
     options = replace(SMALL, keypoint_bias_mm=20.0, seed=7)
     with pytest.MonkeyPatch.context() as patch:
         if request.param == "other":
