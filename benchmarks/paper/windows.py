@@ -98,10 +98,11 @@ def _only_windows(camera: LiftedCamera, starts: IntArray, window: int, step: flo
 def _seen(track: LiftedTrack, rows: BoolArray) -> LiftedTrack:
     """Some frames of a track; of a track that has none of them, one frame with nothing in it."""
     if not rows.any():
-        x, focal, joints = (
-            np.full_like(one[:1], np.nan) for one in (track.x, track.focal, track.joints_cam)
+        nothing = (
+            np.full_like(one[:1], np.nan)
+            for one in (track.x, track.focal, track.joints_cam, track.root_cam)
         )
-        return LiftedTrack(track.track_id, track.frames[:1], x, focal, joints)
+        return LiftedTrack(track.track_id, track.frames[:1], *nothing)
     return track[rows]
 
 

@@ -136,8 +136,7 @@ def _sample(camera: LiftedCamera, rig: Rig, i: int, times: Float64Array) -> _Sam
         at = Interpolation(camera.stamps[track.frames], local, period=period)
         x[p, ..., :2] = at(track.x).reshape(S, K, J, 2)
         focal[p] = at(track.focal).reshape(S, K, J)
-        centre = at(track.joints_cam).mean(1)
-        body[p] = (centre @ rig.R_ref_cam[i].T + rig.t_ref_cam[i]).reshape(S, K, 3)
+        body[p] = (at(track.root_cam) @ rig.R_ref_cam[i].T + rig.t_ref_cam[i]).reshape(S, K, 3)
     x[..., 2] = np.where(np.isfinite(x[..., 0]), 1.0, np.nan)
     return _Samples(x, focal, body, np.isfinite(x[..., 0]).any(-1))
 

@@ -15,6 +15,7 @@ import numpy as np
 from stcalib_ros.core.geometry.lens import bearings
 from stcalib_ros.core.geometry.so3 import exp_so3, hat
 from stcalib_ros.core.geometry.triangulation import unit_rays
+from stcalib_ros.core.lifting.body_size import root_by_size
 from stcalib_ros.core.lifting.limits import (
     KEYPOINT_SCALE,
     MAX_ROTATION,
@@ -25,7 +26,7 @@ from stcalib_ros.core.lifting.limits import (
 )
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
-from stcalib_ros.core.model.recording import CameraRecording, Recording
+from stcalib_ros.core.model.recording import CameraRecording, Recording, unknown_joints
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter, shutter_of
 from stcalib_ros.core.model.skeleton import Skeleton
 
@@ -46,7 +47,7 @@ def lift_recording(
     rows: bool = False,
     from_first_row: bool = False,
 ) -> tuple[LiftedCamera, ...]:
-    """Lift every track of every camera; tracks that cannot be lifted at all are left out.
+    """Lift every track of every camera; tracks without a frame of six keypoints are left out.
 
     Parameters
     ----------
@@ -89,15 +90,18 @@ def _lift_camera(
         scores = track.scores[:, columns]
         pixels = np.where((scores >= min_score)[..., None], track.keypoints[:, columns], np.nan)
         x, focal = bearings(pixels, camera.intrinsics)
-        joints = track.joints[:, columns].astype(np.float64)
-        if not camera.metric:
-            joints = joints * _body_scale(joints, skeleton)
+        joints = _metric(track.joints[:, columns], camera, skeleton)
         poses.append((track, pixels[..., 1], x, focal, joints))
-    crop = crop_fraction([(joints, x) for _, _, x, _, joints in poses]) if turn else 0.0
+    given = [(joints, x) for _, _, x, _, joints in poses if joints is not None]
+    crop = crop_fraction(given) if turn and given else 0.0
     tracks = []
     for track, rows, x, focal, joints in poses:
-        joints_cam = lift(joints, x, crop=crop, steps=_STEPS if turn else 0)
-        usable = np.isfinite(joints_cam).any((1, 2))
+        if joints is None:
+            joints_cam: FloatArray = unknown_joints(x)
+        else:
+            joints_cam = lift(joints, x, crop=crop, steps=_STEPS if turn else 0)
+        usable = np.isfinite(x[..., 0]).sum(-1) >= MIN_JOINTS
+        root_cam = _roots(joints_cam, x, skeleton)
         if usable.any():
             tracks.append(
                 LiftedTrack(
@@ -106,11 +110,32 @@ def _lift_camera(
                     _as_precise(x[usable], track.keypoints),
                     _as_precise(focal[usable], track.keypoints),
                     _as_precise(joints_cam[usable], track.keypoints),
+                    _as_precise(root_cam[usable], track.keypoints),
                     None if shutter is None else rows[usable] - shutter.middle_row,
                 )
             )
     shutter = shutter or GLOBAL
     return LiftedCamera(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter)
+
+
+def _metric(joints: FloatArray, camera: CameraRecording, skeleton: Skeleton) -> Float64Array | None:
+    """Return 3D poses in metres by the size of an adult, where they are not given so; else None."""
+    if not np.isfinite(joints).any():
+        return None
+    poses = joints.astype(np.float64)
+    scale = 1.0 if camera.metric else _body_scale(poses, skeleton)
+    return np.asarray(scale * poses)
+
+
+def _roots(joints_cam: FloatArray, x: Float64Array, skeleton: Skeleton) -> Float64Array:
+    """Return the middle (F, 3) of the body in every frame: of the 3D pose, else by its size."""
+    known = np.isfinite(joints_cam[..., 0])
+    total: Float64Array = np.where(known[..., None], joints_cam, 0.0).sum(1, dtype=np.float64)
+    root = total / np.maximum(known.sum(1), 1)[:, None]
+    without = ~known.any(1)
+    if without.any():
+        root[without] = root_by_size(x[without], skeleton)
+    return root
 
 
 def _as_precise(values: Float64Array, given: FloatArray) -> FloatArray:

@@ -23,7 +23,11 @@ class LiftedTrack:
     focal : (F, J) ndarray
         Pixels per unit of `x`.
     joints_cam : (F, J, 3) ndarray
-        Joints in the optical frame, metres; NaN where the frame could not be lifted.
+        Joints in the optical frame, metres; NaN where no 3D pose is known.
+    root_cam : (F, 3) ndarray
+        Middle of the body in the optical frame, metres by the size of an adult: the mean of
+        `joints_cam`, or, where that is not known, by the apparent size of the limbs; NaN where
+        neither is.
     rows : (F, J) ndarray or None
         Rows of the keypoints in the image, px, counted from the middle row of the shutter; None
         where all shutters take all rows at once.
@@ -34,6 +38,7 @@ class LiftedTrack:
     x: FloatArray
     focal: FloatArray
     joints_cam: FloatArray
+    root_cam: FloatArray
     rows: FloatArray | None = None
 
     def __getitem__(self, some: slice | BoolArray) -> LiftedTrack:
@@ -44,6 +49,7 @@ class LiftedTrack:
             self.x[some],
             self.focal[some],
             self.joints_cam[some],
+            self.root_cam[some],
             None if self.rows is None else self.rows[some],
         )
 

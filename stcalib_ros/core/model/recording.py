@@ -67,7 +67,7 @@ class Track:
         Image positions, px; NaN where not observed.
     joints : (F, J, 3) ndarray
         Monocular 3D pose in the axes of the optical frame, metres or up to scale; NaN where
-        unknown.
+        unknown: everywhere, where a pose estimator gives keypoints only.
     scores : (F, J) ndarray
         Confidence of each joint, 0..1.
     """
@@ -154,6 +154,29 @@ def excerpt(
             for c in recording.cameras
         ),
     )
+
+
+def keypoints_only(recording: Recording) -> Recording:
+    """Return the recording without its monocular 3D poses: what a 2D pose estimator gives."""
+    return replace(
+        recording,
+        cameras=tuple(
+            replace(
+                camera,
+                tracks=tuple(
+                    replace(track, joints=unknown_joints(track.keypoints))
+                    for track in camera.tracks
+                ),
+            )
+            for camera in recording.cameras
+        ),
+    )
+
+
+def unknown_joints(keypoints: FloatArray) -> FloatArray:
+    """Return 3D poses (F, J, 3) that are unknown, for keypoints (F, J, 2); they take no memory."""
+    nothing = np.array(np.nan, keypoints.dtype)
+    return np.broadcast_to(nothing, (*keypoints.shape[:2], 3))
 
 
 def _part(camera: CameraRecording, start_s: float, end_s: float) -> CameraRecording:

@@ -15,7 +15,7 @@ from stcalib_ros.core.lifting.lift import lift_recording
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.clocks import clock_correction
-from stcalib_ros.core.model.lifted import LiftedCamera, time_span
+from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack, time_span
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.rolling_shutter import with_known_line_times
@@ -195,8 +195,7 @@ def metres_per_unit(cameras: Sequence[LiftedCamera], rig: Rig) -> float:
     start, end = time_span(cameras, rig.offset_s)
     times = np.linspace(start, end, _SCALE_SAMPLES + 2)[1:-1]
     bodies = [
-        np.stack([_body(camera, track.joints_cam, track.frames, times) for track in camera.tracks])
-        @ R.T
+        np.stack([_body(camera, track, times) for track in camera.tracks]) @ R.T
         if camera.tracks
         else np.zeros((0, _SCALE_SAMPLES, 3))
         for camera, R in zip(cameras, rig.R_ref_cam, strict=True)
@@ -228,16 +227,10 @@ def _most_agreed_scale(D: Float64Array, t: Float64Array) -> float:
     return float(np.median(chosen)) if len(chosen) else float(candidates[best])
 
 
-def _body(
-    camera: LiftedCamera, joints_cam: FloatArray, frames: IntArray, times: Float64Array
-) -> Float64Array:
-    """Return the mean joint of a person (T, 3) in the optical frame."""
+def _body(camera: LiftedCamera, track: LiftedTrack, times: Float64Array) -> Float64Array:
+    """Return the middle of a person (T, 3) in the optical frame."""
     period = frame_period(camera.stamps)
-    at = Interpolation(camera.stamps[frames], times, period=period)
-    known = np.isfinite(joints_cam)
-    count = np.maximum(known.sum(1), 1)
-    centre = np.where(known.any(1), np.where(known, joints_cam, 0.0).sum(1) / count, np.nan)
-    return at(centre)
+    return Interpolation(camera.stamps[track.frames], times, period=period)(track.root_cam)
 
 
 def _observations(
@@ -295,7 +288,7 @@ def _sampled(
                 (x, places),
                 (v, rates),
                 (focal, at(track.focal[:, joints])),
-                (body, _body(camera, track.joints_cam, track.frames, times)),
+                (body, _body(camera, track, times)),
             ):
                 here = np.isfinite(values.reshape(K, -1)).any(-1)
                 out[c, n, here] = values[here]

@@ -145,9 +145,7 @@ class _Matched:
         pieces = zip(
             self.tracks_a, self.rows, self.tracks_b, self._interpolations(lag_s), strict=True
         )
-        pairs = [
-            (a.joints_cam[rows].mean(1), at(b.joints_cam).mean(1)) for a, rows, b, at in pieces
-        ]
+        pairs = [(a.root_cam[rows], at(b.root_cam)) for a, rows, b, at in pieces]
         body_a, body_b = (np.concatenate(column) for column in zip(*pairs, strict=True))
         both = np.isfinite(body_a + body_b).all(-1)
         return body_a[both], body_b[both]

@@ -27,7 +27,7 @@ def walker(n=60, *, width=0.5, noise=0.0, seed=0):
     x = body + np.linspace(0, width, n)[:, None, None] * [1.0, 0.0]
     x = x + noise * rng.normal(size=x.shape)
     joints = np.concatenate([4 * x, np.full((n, 17, 1), 4.0)], -1)
-    return LiftedTrack(0, np.arange(n), x, np.full((n, 17), 1400.0), joints)
+    return LiftedTrack(0, np.arange(n), x, np.full((n, 17), 1400.0), joints, joints.mean(1))
 
 
 def camera(name, *, start=0.0, n=60, fps=30.0, **more):

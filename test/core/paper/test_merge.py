@@ -24,7 +24,9 @@ seeds = st.integers(0, 2**32 - 1)
 def cameras(n, n_tracks):
     """Cameras that hold nothing but their number of tracks and their stamps."""
     empty = np.zeros((0, 17, 2))
-    track = LiftedTrack(0, np.zeros(0, dtype=np.int64), empty, empty[..., 0], np.zeros((0, 17, 3)))
+    track = LiftedTrack(
+        0, np.zeros(0, dtype=np.int64), empty, empty[..., 0], np.zeros((0, 17, 3)), np.zeros((0, 3))
+    )
     return [
         LiftedCamera(f"cam{c}", STEP_S * np.arange(25.0), (track,) * n_tracks) for c in range(n)
     ]
