@@ -135,7 +135,7 @@ def _roots(joints_cam: FloatArray, x: Float64Array, skeleton: Skeleton) -> Float
     without = ~known.any(1)
     if without.any():
         root[without] = root_by_size(x[without], skeleton)
-    return root
+    return np.asarray(root)
 
 
 def _as_precise(values: Float64Array, given: FloatArray) -> FloatArray:
