@@ -7,6 +7,8 @@ nothing of limbs.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
@@ -18,7 +20,6 @@ from stcalib_ros.core.validation.thresholds import (
     LIMB_BLOCK_S,
     MAX_LOG_DEVIATION,
     MIN_LIMB_IMAGES,
-    MIN_LIMB_PRESENCE,
     MIN_LIMB_SAMPLES,
 )
 
@@ -28,6 +29,14 @@ change a root mean square of nine limbs."""
 _MEDIAN_VARIANCE = float(np.pi / 2.0)
 """Ratio of variances of the median and the mean of normally distributed samples, for many of them;
 purely mathematical."""
+
+
+class _Lengths(NamedTuple):
+    """Lengths of limbs over T stretches of time, in C cameras: arrays (T, C, B)."""
+
+    log_length: Float64Array
+    variance: Float64Array
+    images: Float64Array
 
 
 def limb_variations(skeleton: Skeleton, last: Iteration) -> Float64Array:
@@ -47,16 +56,13 @@ def limb_variations(skeleton: Skeleton, last: Iteration) -> Float64Array:
     """
     limbs = np.flatnonzero(np.isfinite(skeleton.adult_lengths))
     kinds = _kinds(skeleton, limbs)
-    C = len(last.rig.cameras)
-    total, count = np.zeros(C), np.zeros(C)
+    sums = np.zeros((3, len(last.rig.cameras)))
     for rows in person_rows_of(last.observations):
-        length, variance = _lengths(last, rows, skeleton.directions[limbs])
+        lengths = _lengths(last, rows, skeleton.directions[limbs])
         for kind in range(kinds.max(initial=-1) + 1):
-            of_kind = (slice(None), slice(None), kinds == kind)
-            squared, n = _deviations(length[of_kind], variance[of_kind])
-            total += squared
-            count += n
-    mean = np.maximum(total, 0.0) / np.maximum(count, 1)
+            sums += _deviations(_Lengths(*(values[..., kinds == kind] for values in lengths)))
+    total, images, count = sums
+    mean = np.maximum(total, 0.0) / np.maximum(images, 1.0)
     return np.where(count >= MIN_LIMB_SAMPLES, np.sqrt(mean), np.nan)
 
 
@@ -67,13 +73,10 @@ def _kinds(skeleton: Skeleton, limbs: IntArray) -> IntArray:
     return np.unique(plain, return_inverse=True)[1]
 
 
-def _lengths(
-    last: Iteration, rows: slice, directions: Float64Array
-) -> tuple[Float64Array, Float64Array]:
-    """Logarithms of the lengths of one person's limbs (T, C, B), and their variances.
+def _lengths(last: Iteration, rows: slice, directions: Float64Array) -> _Lengths:
+    """Median lengths of one person's limbs, of the images in which a camera observes all joints.
 
-    A median over each of T stretches of time, of the images in which a camera observes all joints
-    of a limb; NaN where too few.
+    NaN where these are too few.
     """
     obs, state = last.observations, last.state
     vectors = np.einsum("bj,njk->nbk", directions, state.X[rows], optimize=True)
@@ -87,18 +90,18 @@ def _lengths(
     for block in _some(np.unique(blocks)):
         own = blocks == block
         values = log_length[own][:, None] * observed[own]
-        n = np.isfinite(values).sum(0)
-        middle = _median(values)
+        n, middle = np.isfinite(values).sum(0), _median(values)
         scatter = RMS_OVER_MEDIAN * _median(np.abs(values - middle))
-        enough = n >= max(MIN_LIMB_IMAGES, MIN_LIMB_PRESENCE * n.max())
+        variance = _MEDIAN_VARIANCE * scatter**2 / np.maximum(n, 1)
+        enough = n >= MIN_LIMB_IMAGES
         found.append(
             (
                 np.where(enough, middle, np.nan),
-                np.where(enough, _MEDIAN_VARIANCE * scatter**2 / np.maximum(n, 1), np.nan),
+                np.where(enough, variance, np.nan),
+                np.where(enough, n, 0).astype(np.float64),
             )
         )
-    length, variance = zip(*found, strict=True)
-    return np.array(length), np.array(variance)
+    return _Lengths(*(np.array(values) for values in zip(*found, strict=True)))
 
 
 def _some(blocks: IntArray) -> IntArray:
@@ -113,19 +116,18 @@ def _median(values: Float64Array) -> Float64Array:
     return np.asarray(np.take_along_axis(ordered, middle, 0).mean(0))
 
 
-def _deviations(length: Float64Array, variance: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Sums (C,) of squared deviations of lengths (T, C, S) of one limb from the median, and counts.
+def _deviations(one: _Lengths) -> Float64Array:
+    """Sums (3, C) of squared deviations of one limb from its median, of images, and of lengths.
 
-    Less their variances; the sums are scaled for the median that is taken from the same lengths.
+    Deviations are weighted by the images, less their variances, and scaled for the median that is
+    taken from the same lengths.
     """
-    C = length.shape[1]
-    length, variance = (one.swapaxes(0, 1).reshape(C, -1) for one in (length, variance))
-    n = np.isfinite(length).sum(1).astype(np.float64)
+    C = one.images.shape[1]
+    length, variance, images = (values.swapaxes(0, 1).reshape(C, -1) for values in one)
+    n = (images > 0).sum(1).astype(np.float64)
     deviation = np.abs(length - _median(length.T)[:, None])
     squared = np.minimum(deviation, MAX_LOG_DEVIATION) ** 2
-    total = np.nansum(squared, 1) * n / np.maximum(n - 1.0, 1.0)
+    total = np.nansum(images * squared, 1) * n / np.maximum(n - 1.0, 1.0)
     compared = n >= 2
-    return (
-        np.where(compared, total - np.nansum(variance, 1), 0.0),
-        np.where(compared, n, 0.0),
-    )
+    sums = np.stack([total - np.nansum(images * variance, 1), images.sum(1), n])
+    return np.where(compared, sums, 0.0)

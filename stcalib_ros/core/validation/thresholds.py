@@ -65,9 +65,9 @@ class CheckThresholds:
     20 % either way changes nothing."""
 
     certain_limb_variation: float = 0.08
-    """Ratio of lengths, RMS. Below it the limbs confirm the pose, and allow the same: three
-    quarters of `max_limb_variation`. Right real solutions with small explained fractions have 0.03
-    to 0.08, wrong ones as certain as that by their covariance 0.13 and more.
+    """Ratio of lengths, RMS. Below it the limbs confirm the pose, and allow the same: four
+    fifths of `max_limb_variation`. Right real solutions with small explained fractions have 0.03 to
+    0.07, wrong ones as certain as that by their covariance 0.15 and more.
     Measured: the benchmark has no wrong solution that it alone stops; 20 % either way changes
     nothing."""
 
@@ -95,11 +95,12 @@ class CheckThresholds:
     Measured: alone it refuses none; 20 % either way changes nothing. It guards against persons who
     are exchanged and whose limbs are not observed."""
 
-    max_limb_variation: float = 0.11
+    max_limb_variation: float = 0.1
     """Ratio of lengths, RMS. Variation of the limbs of the triangulated people, over time and
     between left and right, from which on the poses of cameras count as wrong. Between what right
-    and wrong solutions of real recordings have: up to 0.085, and 0.135 and more where nothing else
-    refuses them. Right simulated ones have 0.01, and up to 0.05 with a keypoint bias of 20 mm.
+    and wrong solutions of real recordings have: up to 0.087 (one man for 1.7 s), and 0.12 and more
+    where nothing else refuses them. Right simulated ones have 0.01, and up to 0.05 with a keypoint
+    bias of 20 mm.
     Measured: alone it refuses 13 wrong real solutions and no good or simulated ones; without it 5
     more wrong real ones are published; 20 % either way changes nothing."""
 
@@ -170,11 +171,6 @@ MIN_LIMB_IMAGES = 3
 """Images, count. From so many on a median is taken of the length of a limb: with fewer, its scatter
 and with it the noise is not known. Chosen."""
 
-MIN_LIMB_PRESENCE = 1.0 / 3.0
-"""Ratio. Such a median also needs this fraction of the images that the best observed limb has in
-the same stretch: a few images where a limb appears are the ones at which it is mistaken. Chosen on
-pose2sim_balance, one man: right poses have variations of 0.07 to 0.085 with it, of 0.10 without."""
-
 MIN_LIMB_SAMPLES = 8
 """Medians of lengths, count. From so many on it is known whether limbs vary: about two stretches
 of time of four limbs. Chosen; the root mean square of fewer is uncertain by a quarter and more."""
@@ -199,6 +195,11 @@ MAX_LOOKALIKE_DISTANCE = 0.08
 """Unit of the adjustment (about m). Two people move identically if the root mean square distance of
 their joints after one rigid motion is below it. Chosen, on the scenes of kind "alike": several
 times the noise of triangulated joints there."""
+
+SAME_PLACE_DISTANCE = 0.2
+"""Unit of the adjustment (about m). Two people whose joints stay closer than this, median, are one
+person whom the association took for two: nobody else fits there. Measured on pose2sim_balance: 0.03
+of a person who was divided. Below half the width of a body."""
 
 PERIOD_RANGE_S = (0.25, 3.0)
 """Seconds. Repetition with a period within is looked for, to explain a refusal; nothing is refused

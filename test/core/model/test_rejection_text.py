@@ -44,7 +44,7 @@ REJECTIONS = (
         Rejection(R.DISTANCES_DISAGREE, (), 1.7, 1.6, values={"least": 0.625}),
         "1.7 times as far .*, between 0.62 and 1.6 is the limit: .*; record",
     ),
-    (Rejection(R.LIMBS_DISAGREE, (), 0.2, 0.11), "in length by 20%, 11% are the limit: .*; let"),
+    (Rejection(R.LIMBS_DISAGREE, (), 0.2, 0.1), "in length by 20%, 10% are the limit: .*; let"),
     (Rejection(R.NOTHING_TO_VERIFY), "no limb of anybody is seen by it .*: let people be in its"),
     (
         Rejection(R.ROTATION_UNCERTAIN, (), 0.05, 0.015),
