@@ -27,11 +27,11 @@ MAX_RIGS = 8
 of them. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real
 recordings."""
 
-MAX_DEPTH_ERROR = 0.3
+MAX_DEPTH_ERROR = 0.2
 """Fraction of the depth of a body by its size. Bodies further from each other than that of both
 depths together count as strangers where the usual distance is measured, and add half the cost of a
-merge at this distance. Derived: twice what people differ in size by and limbs are foreshortened;
-in pose2sim_balance opposite cameras place one man up to 1.6 m apart at 4 m."""
+merge at this distance. Derived: what people differ in size by and limbs are foreshortened; in
+pose2sim_balance opposite cameras place one man up to 1.6 m apart at 4 m."""
 
 MIN_SHARED_KEYPOINTS = 12
 """Keypoints of a slot (samples times joints). With fewer in common two pieces have no distance:
