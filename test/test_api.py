@@ -211,6 +211,16 @@ def test_poses_are_ordered_by_image_and_scored_by_whether_they_were_detected() -
     assert camera.intrinsics.model is st.LensModel.PLUMB_BOB
 
 
+def test_without_3d_poses_the_keypoints_are_given_alone() -> None:
+    flat = arrays()
+    del flat["joints"]
+    (track,) = st.camera_from_arrays("left", **flat).tracks
+    assert (track.joints.shape, bool(np.isnan(track.joints).all())) == ((2, 3, 3), True)
+    np.testing.assert_array_equal(track.keypoints, np.arange(12.0).reshape(2, 3, 2)[::-1])
+    nobody = {"frames": [], "track_ids": [], "keypoints": np.zeros((0, 3, 2)), "joints": None}
+    assert st.camera_from_arrays("left", **arrays(**nobody)).tracks == ()
+
+
 def test_a_camera_that_detects_nobody_has_its_images_and_no_track() -> None:
     nobody = {"frames": [], "track_ids": [], "joints": np.zeros((0, 3, 3))}
     camera = st.camera_from_arrays("left", **arrays(**nobody, keypoints=np.zeros((0, 3, 2))))
