@@ -49,13 +49,14 @@ def require_usable(recording: Recording, options: Options) -> int:
     Raises
     ------
     InputError
-        The reference, a known distance, a line delay or an array cannot be used with this
-        recording.
+        The reference, a known distance, a line delay, an array or the method cannot be used with
+        this recording.
     """
     reference = require_reference(recording, options)
     require_shapes(recording)
     require_known_cameras(recording, options)
     require_line_times(recording)
+    require_poses(recording, options)
     return reference
 
 
@@ -121,6 +122,24 @@ def require_line_times(recording: Recording) -> None:
                 f"ms for {height} rows, but its images are {1e3 * period:.3g} ms apart: give the "
                 "seconds from one row to the next"
             )
+
+
+def require_poses(recording: Recording, options: Options) -> None:
+    """Check that there are 3D poses where the method needs them.
+
+    Raises
+    ------
+    InputError
+        A camera sees people, but has none.
+    """
+    if options.registration.method != "vmf":
+        return
+    without = [c.name for c in recording.cameras if c.tracks and not c.has_3d_poses]
+    if without:
+        raise InputError(
+            f"registration.method vmf needs 3D poses, and there are none of {', '.join(without)}: "
+            "use the default method, which keypoints are enough for"
+        )
 
 
 def select_cameras(
