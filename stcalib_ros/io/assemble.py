@@ -163,14 +163,14 @@ def _joints(images: Sequence[PoseImage]) -> Float32Array | None:
 
 
 def _require_observations(recording: Recording, warn: Warn) -> None:
-    """Say so if all keypoints that one camera, or every camera, reports are NaN or infinite."""
+    """Say so if one camera, or every camera, has persons and not a single keypoint of them."""
     seeing = [camera for camera in recording.cameras if camera.tracks]
     blind = [c.name for c in seeing if not any(np.isfinite(t.keypoints).any() for t in c.tracks)]
     for name in blind:
-        warn(f"camera {name}: all keypoints of all persons are NaN or infinite")
+        warn(f"camera {name}: all keypoints of all persons are NaN, infinite or (0, 0)")
     if blind and len(blind) == len(seeing):
         raise InputError(
-            "all keypoints of all persons are NaN or infinite in every camera "
+            "all keypoints of all persons are NaN, infinite or (0, 0) in every camera "
             f"({', '.join(sorted(blind))}); check the pose estimator's output"
         )
 

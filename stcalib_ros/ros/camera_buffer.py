@@ -61,7 +61,7 @@ class Counts:
     set_aside : int
         Images that do not continue what came before, until it is clear what they are.
     no_keypoints : bool
-        There are persons, but not one of their keypoints is finite.
+        There are persons, but not a single keypoint of them was observed.
     images_3d : int
         Images in the buffer in which somebody has a 3D pose.
     fault : Rejection or None

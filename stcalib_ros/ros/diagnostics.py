@@ -60,7 +60,7 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
         lacking.append(f"sends nothing that can be used: {counts.last_problem}")
     elif counts.no_keypoints:
         lacking.append(
-            f"sends persons without a single finite keypoint on {camera.pose_topic}; check the "
+            f"sends persons without a single keypoint on {camera.pose_topic}; check the "
             "pose estimator's output"
         )
     elif counts.fault is not None:

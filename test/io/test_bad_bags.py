@@ -248,7 +248,11 @@ CASES: dict[str, tuple[Maker, str]] = {
     ),
     "no finite keypoint": (
         _images(bags.poses(0, [bags.person(keypoints=[np.nan] * 34)])),
-        r"all keypoints of all persons are NaN or infinite in every camera \(cam0\)",
+        r"all keypoints of all persons are NaN, infinite or \(0, 0\) in every camera \(cam0\)",
+    ),
+    "keypoints at zero": (
+        _images(bags.poses(0, [bags.person(keypoints=[0.0] * 34)])),
+        r"all keypoints of all persons are NaN",
     ),
     "no keypoints": (
         _images(bags.poses(0, [bags.person(keypoints=[])])),
@@ -278,7 +282,7 @@ def test_one_blind_camera_is_only_a_warning(tmp_path: Path) -> None:
     path = bags.write_bag(tmp_path / "a.mcap", [*bags.camera("cam0"), *blind])
     warnings: list[str] = []
     assert len(read_bag(path, warn=warnings.append).cameras) == 2
-    assert "camera cam1: all keypoints of all persons are NaN or infinite" in warnings
+    assert "camera cam1: all keypoints of all persons are NaN, infinite or (0, 0)" in warnings
 
 
 def test_comments_and_spaces_of_the_definition_do_not_matter(tmp_path: Path) -> None:

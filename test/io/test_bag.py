@@ -124,7 +124,9 @@ def test_round_trip_of_any_numbers(tmp_path: Path, stamps: list[int], data: st.D
     track = Track(
         data.draw(st.integers(0, 2**32 - 1)),
         frames,
-        data.draw(hnp.arrays(np.float32, (*shape, 2), elements=finite32)).astype(float),
+        data.draw(hnp.arrays(np.float32, (*shape, 2), elements=finite32.filter(bool))).astype(
+            float
+        ),
         data.draw(hnp.arrays(np.float32, (*shape, 3), elements=finite32)).astype(float),
         data.draw(hnp.arrays(np.float32, shape, elements=st.floats(0, 1, width=32))).astype(float),
     )
@@ -315,15 +317,15 @@ def test_stamps_are_seconds_since_a_whole_second(tmp_path: Path) -> None:
 def test_not_observed_is_nan(tmp_path: Path) -> None:
     J = bags.LAYOUT.n_joints
     odd = bags.person(
-        keypoints=[np.nan, 1.0, np.inf, 2.0] + [5.0] * (2 * J - 4),
+        keypoints=[np.nan, 1.0, np.inf, 2.0, 0.0, 0.0, 0.0, 7.0] + [5.0] * (2 * J - 8),
         joints=[1.0, 2.0, -np.inf] + [1.0] * (3 * J - 3),
         joint_scores=[np.nan] + [0.25] * (J - 1),
     )
     warnings: list[str] = []
     path = bags.write_bag(tmp_path / "a.mcap", bags.camera(images=[bags.poses(0, [odd])]))
     (track,) = read_bag(path, warn=warnings.append).cameras[0].tracks
-    assert np.isnan(track.keypoints[0, :2]).all()
-    assert np.isfinite(track.keypoints[0, 2:]).all()
+    assert np.isnan(track.keypoints[0, :3]).all(), "(0, 0) is no position either"
+    assert np.isfinite(track.keypoints[0, 3:]).all()
     assert np.isnan(track.joints[0, 0]).all()
     assert np.isfinite(track.joints[0, 1:]).all()
     assert track.scores[0, :2].tolist() == [0.0, 0.25]

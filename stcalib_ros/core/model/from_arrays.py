@@ -55,7 +55,7 @@ def camera_from_arrays(
     track_ids : (M,) array_like of int
         Person of each pose according to this camera's own tracker; not shared between cameras.
     keypoints : (M, J, 2) array_like
-        Image positions, px, not fractions of the image; NaN where not detected.
+        Image positions, px, not fractions of the image; NaN or (0, 0) where not detected.
     joints : (M, J, 3) array_like, optional
         Monocular 3D poses in the axes of the optical frame (x right, y down, z forward), metres
         or up to scale, with any origin; NaN where unknown. Default: there are none, and the
@@ -146,6 +146,7 @@ def _tracks(
     ids = _integers("track_ids", track_ids, (M,))
     points = _array("keypoints", keypoints, (M, J, 2))
     poses = None if joints is None else _array("joints", joints, (M, J, 3))
+    points[~points.any(axis=-1)] = np.nan
     detected = np.isfinite(points).all(axis=-1)
     given = _array("scores", detected if scores is None else scores, (M, J))
     tracks = []
