@@ -73,15 +73,15 @@ def keypoint_fault(poses: FloatArray, *, camera: str, width: int, height: int) -
     """
     if not len(poses):
         return None
-    low, high = np.fmin.reduce(poses, axis=1), np.fmax.reduce(poses, axis=1)
+    low, high = _bounds(poses)
     least, most = float(low.min()), float(high.max())
     extent = float(np.median((high - low).max(-1)))
     if max(-least, most) <= NORMALISED_PX and extent >= NORMALISED_EXTENT:
         values = {"least": least, "width": width, "height": height}
         reason = RejectionReason.KEYPOINTS_NORMALISED
         return Rejection(reason, (camera,), most, NORMALISED_PX, "px", values=values)
-    if at_one_place(poses).all():
-        largest = float((high - low).max())
+    largest = float((high - low).max())
+    if largest <= ONE_PLACE_PX:
         reason = RejectionReason.KEYPOINTS_COINCIDE
         return Rejection(reason, (camera,), largest, ONE_PLACE_PX, "px")
     return None
@@ -124,9 +124,15 @@ def at_one_place(keypoints: FloatArray) -> BoolArray:
     """
     if not keypoints.size:
         return np.zeros(len(keypoints), dtype=bool)
-    extent = np.fmax.reduce(keypoints, axis=1) - np.fmin.reduce(keypoints, axis=1)
+    low, high = _bounds(keypoints)
     several = np.isfinite(keypoints[..., 0]).sum(-1) > 1
-    return np.asarray(several & (extent <= ONE_PLACE_PX).all(-1))
+    return np.asarray(several & (high - low <= ONE_PLACE_PX).all(-1))
+
+
+def _bounds(keypoints: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the largest coordinates (F, 2) of poses; NaN where there are none."""
+    by_joint = np.moveaxis(keypoints, 1, 0).reshape(keypoints.shape[1], -1)  # quick to reduce
+    return tuple(f.reduce(by_joint).reshape(-1, 2) for f in (np.fmin, np.fmax))
 
 
 def _full_poses(camera: CameraRecording, min_score: float) -> Float32Array:
