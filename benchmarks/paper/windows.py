@@ -147,7 +147,7 @@ def _in_windows(
     found = []
     for p, q in h.matches:
         track = target.tracks[p]
-        stamps = target.stamps[track.frames[np.isfinite(track.joints_cam).any((1, 2))]]
+        stamps = target.stamps[track.frames[np.isfinite(track.x).any((1, 2))]]
         frame = np.rint((stamps - target.stamps[0]) / step).astype(np.int64)
         for w, start in enumerate(starts):
             if ((frame >= start) & (frame < start + window)).any():
