@@ -109,7 +109,7 @@ def test_one_noisy_observation_by_every_method(monkeypatch: pytest.MonkeyPatch) 
     starts = [r for r in rows if r["method"] == "paper"]
     assert len(starts) == 12
     assert all(r["E_R"] is not None for r in starts), "a start that failed is left out of the mean"
-    for method in ("default", "paper, 10 starts"):
+    for method in ("default", "2D only", "paper, 10 starts"):
         mine = [r for r in rows if r["method"] == method and r["stage"] == "windows"]
         assert max(r["E_R"] for r in mine) < 0.01
         assert all(r["precision"] == 1.0 for r in mine)
