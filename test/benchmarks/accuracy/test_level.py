@@ -4,13 +4,14 @@ import json
 from dataclasses import replace
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from exclusion_helpers import left_out
 
 from benchmarks.accuracy import level, measure
 from benchmarks.accuracy.real import DEMO, Converted, RealCase
 from benchmarks.accuracy.scenarios import SCENARIOS, KeypointTargets, Scenario
-from benchmarks.accuracy.summary import summary, summary_2d
+from benchmarks.accuracy.summary import summary, summary_2d, unobservable_frames
 from stcalib_ros.core.errors import CalibrationError
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.synthetic import SceneOptions
@@ -243,3 +244,12 @@ def test_the_demo_has_a_column_with_its_3d_poses(monkeypatch, tiny_case, capsys)
     monkeypatch.setattr(level, "_REAL", {"3d": (case,), "2d": (case,)})
     assert level.main(["--only", "demo"]) == 0
     assert "with 3D poses" in capsys.readouterr().out
+
+
+def test_the_mean_of_timestamp_jitter_is_not_asked_for():
+    rng = np.random.default_rng(1)
+    options = SceneOptions(n_cameras=3, n_frames=200, stamp_jitter_s=0.005, fps=30.0)
+    means = rng.normal(0.0, 0.005, (1_000, 3, 200)).mean(2)
+    error = np.abs(means[:, 1:] - means[:, :1]).mean() * 30.0
+    assert unobservable_frames(options) == pytest.approx(error, rel=0.05)
+    assert unobservable_frames(SceneOptions()) == 0.0
