@@ -36,7 +36,8 @@ PERSONS_HELP = (
 PAIRS_HELP = (
     "Bones: median angle between the bones of the two monocular 3D poses of a person, after "
     "rotation; they are not used in the final adjustment, and the errors of two lifters together "
-    "make 10 to 25 degrees. Epipolar: distance of the keypoints from the epipolar lines, rms."
+    "make 10 to 25 degrees; - without 3D poses. Epipolar: distance of the keypoints from the "
+    "epipolar lines, rms."
 )
 
 _HEADINGS = {
@@ -155,7 +156,7 @@ def pairs(c: Calibration) -> str:
         (
             f"{p.camera_a}, {p.camera_b}",
             str(p.n_matches),
-            f"{math.degrees(p.median_angle_rad):.1f}°",
+            "-" if math.isnan(p.median_angle_rad) else f"{math.degrees(p.median_angle_rad):.1f}°",
             f"{p.epipolar_rms_px:.2f} px",
         )
         for p in c.pairs

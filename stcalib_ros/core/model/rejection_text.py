@@ -86,6 +86,15 @@ _SENTENCES = {
         "{least:.2f} and {limit:.1f} is the limit: persons may be mixed up; record a longer clip "
         "with people who move differently"
     ),
+    _R.LIMBS_DISAGREE: (
+        "limbs of people would vary in length by {measured:.0%}, {limit:.0%} are the limit: the "
+        "keypoints fit, but not to bodies; let people walk across more of its view, and where "
+        "other cameras see them from the side"
+    ),
+    _R.NOTHING_TO_VERIFY: (
+        "no limb of anybody is seen by it and another camera for long enough to verify its pose: "
+        "let people be in its view as a whole, and for longer"
+    ),
     _R.ROTATION_UNCERTAIN: (
         "its rotation is uncertain by {measured_deg:.1f} degrees, {limit_deg:.1f} are the limit: "
         "it shares too little with the others; let people walk across more of its view"
@@ -154,6 +163,10 @@ _REMARKS = {
         "keypoints are at one place: check the pose estimator's output"
     ),
     RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
+    RemarkCode.VERIFIED_BY_LIMBS_ALONE: (
+        "no 3D poses verify {cameras}: only the lengths of people's limbs do, which vary by "
+        "{limb_variation_percent:.1f} %"
+    ),
 }
 _ADDITIONS = {
     "offset_stddev_ms": ", clock to {offset_stddev_ms:.2g} ms",
@@ -204,7 +217,8 @@ def remark_sentence(remark: Remark) -> str:
     camera, partner = (*remark.cameras, "", "")[:2]
     ends = [end for name, end in _ADDITIONS.items() if name in remark.values]
     text = "".join([_REMARKS[remark.code], *ends])
-    return text.format_map(_Values(remark.values, camera=camera, partner=partner))
+    names = {"camera": camera, "partner": partner, "cameras": ", ".join(remark.cameras)}
+    return text.format_map(_Values(remark.values, **names))
 
 
 def whole_sentences(remarks: Sequence[Remark], rejections: Sequence[Rejection]) -> list[str]:

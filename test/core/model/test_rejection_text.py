@@ -52,6 +52,8 @@ REJECTIONS = (
         Rejection(R.DISTANCES_DISAGREE, (), 1.7, 1.6, values={"least": 0.625}),
         "1.7 times as far .*, between 0.62 and 1.6 is the limit: .*; record",
     ),
+    (Rejection(R.LIMBS_DISAGREE, (), 0.2, 0.1), "in length by 20%, 10% are the limit: .*; let"),
+    (Rejection(R.NOTHING_TO_VERIFY), "no limb of anybody is seen by it .*: let people be in its"),
     (
         Rejection(R.ROTATION_UNCERTAIN, (), 0.05, 0.015),
         "by 2.9 degrees, 0.9 are the limit: .*; let",
@@ -106,6 +108,10 @@ REMARKS = (
     (Remark(C.MOVE_FASTER, ("a",)), "^people who move faster"),
     (Remark(C.LEAVE_THE_LINE), "one line: people who walk across it"),
     (Remark(C.RECORD_LONGER), "a clip twice as long"),
+    (
+        Remark(C.VERIFIED_BY_LIMBS_ALONE, ("a", "b"), {"limb_variation_percent": 3.21}),
+        "^no 3D poses verify a, b: only the lengths .*, which vary by 3.2 %$",
+    ),
     (
         Remark(C.POSES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_poses": 300}),
         "^a: 12 of 300 poses are left out, .* at one place: check",
