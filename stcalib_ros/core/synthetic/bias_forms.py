@@ -1,7 +1,7 @@
 """Other forms of keypoint bias than a polynomial of the viewing direction.
 
 Each form displaces the joints of one person, in the optical frame of the camera that observes them,
-and has the same constants in all cameras: they belong to the detector and the person.
+and but for "views" has the same constants in all cameras: they belong to detector and person.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from stcalib_ros.core.synthetic.skeleton import LAYOUT, N_JOINTS, PARENTS, body_
 KeypointBias = Callable[[Float64Array], Float64Array]
 """Where a detector places joints (T, 17, 3) of a person, optical frame, metres."""
 
-BIAS_FORMS = ("harmonic", "constant", "hidden", "foreshortened", "sizes")
+BIAS_FORMS = ("harmonic", "constant", "views", "hidden", "foreshortened", "sizes")
 """Forms of keypoint bias."""
 
 _BEHIND_M = (0.02, 0.12)
@@ -41,7 +41,12 @@ joints. Measured on the default scenes; over all directions it would be sqrt(1 /
 
 
 def keypoint_bias(
-    form: str, harmonic: np.random.Generator, other: np.random.Generator, rms_m: float
+    form: str,
+    harmonic: np.random.Generator,
+    other: np.random.Generator,
+    rms_m: float,
+    *,
+    camera: int = 0,
 ) -> KeypointBias:
     """Return the bias of the keypoints of one person.
 
@@ -49,19 +54,22 @@ def keypoint_bias(
     ----------
     form : str
         One of `BIAS_FORMS`: "harmonic", a polynomial of the viewing direction (`DetectorBias`);
-        "constant", the same displacement in the image for every view; "hidden", joints behind the
-        trunk pulled to the nearer side of it; "foreshortened", growing with the square of the
-        cosine between bone and line of sight; "sizes", harmonic, of another size for each person.
+        "constant", the same displacement in the image for every view; "views", another one for
+        each camera; "hidden", joints behind the trunk pulled to the nearer side of it;
+        "foreshortened", growing with the square of the cosine between bone and line of sight;
+        "sizes", harmonic, of another size for each person.
     harmonic, other : Generator
         Sources of the constants of the harmonic form, which are drawn with every form, and of the
         others.
     rms_m : float
         Root mean square per axis across the line of sight, metres.
+    camera : int
+        Index of the camera.
     """
     size = rms_m * (_size(other) if form == "sizes" else 1.0)
     usual = DetectorBias(harmonic, size)
-    if form == "constant":
-        return _Constant(other, rms_m)
+    if form in ("constant", "views"):
+        return _Constant(other, rms_m, view=camera if form == "views" else 0)
     if form == "hidden":
         return _Hidden(other, rms_m)
     if form == "foreshortened":
@@ -77,8 +85,8 @@ def _size(rng: np.random.Generator) -> float:
 
 
 class _Constant:
-    def __init__(self, rng: np.random.Generator, rms_m: float) -> None:
-        self._shift = rms_m * rng.standard_normal((N_JOINTS, 2))
+    def __init__(self, rng: np.random.Generator, rms_m: float, *, view: int) -> None:
+        self._shift = rms_m * rng.standard_normal((view + 1, N_JOINTS, 2))[view]
 
     def __call__(self, joints_cam: Float64Array) -> Float64Array:
         out = np.array(joints_cam)

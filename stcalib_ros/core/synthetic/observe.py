@@ -134,9 +134,8 @@ def observe(
     for p, own in enumerate(draws):
         common = np.random.default_rng([*people_seed, 1_000 + p])
         other = np.random.default_rng([*people_seed, 2_000 + p])
-        bias = keypoint_bias(
-            options.keypoint_bias_form, common, other, 1e-3 * options.keypoint_bias_mm
-        )
+        size_m = 1e-3 * options.keypoint_bias_mm
+        bias = keypoint_bias(options.keypoint_bias_form, common, other, size_m, camera=camera)
         keypoints[:, p] = project_visible(bias(truth[:, p]), lens)
         joints[:, p] = lift(own, times, truth[:, p], _lifter(own, common, options))
     keypoints += options.sigma_px * rng.standard_normal(keypoints.shape)

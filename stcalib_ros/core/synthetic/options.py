@@ -55,9 +55,9 @@ class SceneOptions:
         Root mean square, per axis, of the systematic displacement of keypoints.
     keypoint_bias_form : str
         "harmonic" (a polynomial of the viewing direction), "constant" (the same in the image for
-        every view), "hidden" (joints behind the trunk are pulled to the nearer side of it),
-        "foreshortened" (growing as a bone points to the camera) or "sizes" (harmonic, of another
-        size for each person).
+        every view), "views" (another one for each camera), "hidden" (joints behind the trunk are
+        pulled to the nearer side of it), "foreshortened" (growing as a bone points to the camera)
+        or "sizes" (harmonic, of another size for each person).
     lifter_mm : (float, float)
         Range of the mean joint error (MPJPE) of the 3D poses, per person and camera.
     lifter_depth_ratio : float

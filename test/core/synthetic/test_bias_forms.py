@@ -87,6 +87,18 @@ def test_a_constant_bias_is_the_same_wherever_a_person_stands():
     assert (moved[..., :2] != 0.0).all()
 
 
+def test_every_view_has_a_constant_bias_of_its_own():
+    joints_cam = upright()
+    first, again, second = (
+        keypoint_bias("views", *(np.random.default_rng(k) for k in (0, 1)), 0.02, camera=c)(
+            joints_cam
+        )
+        for c in (0, 0, 1)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert (np.abs(first - second)[..., :2] > 0.0).all()
+
+
 def test_joints_behind_the_trunk_are_pulled_to_their_side_and_others_stay():
     hidden = upright(left_wrist=(0.2, 0.1, 0.1), right_wrist=(0.2, -0.1, 0.1))
     left, right = (shift("hidden", hidden, f"{side}_wrist") for side in ("left", "right"))

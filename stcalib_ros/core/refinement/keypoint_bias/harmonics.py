@@ -2,7 +2,8 @@
 
 A detector puts a joint a few centimetres off, and as long as it sees the person from that side
 it is the same few centimetres: no average over time removes them. They are modelled as a smooth
-function of the direction from the body to the camera, in body axes.
+function of the direction from the body to the camera, in body axes, and a constant displacement in
+the image of each camera: light, background and clothes differ from view to view.
 """
 
 from __future__ import annotations
@@ -46,6 +47,19 @@ def harmonics(u: Float64Array, degrees: Sequence[int] = DEGREES) -> Float64Array
         ],
     }
     return np.stack([f for d in degrees for f in by_degree[d]])
+
+
+def prior_groups(size: int) -> Float64Array:
+    """Which coefficients (q,) of a joint have a prior of the same variance, (q, G), one of 1.
+
+    Parameters
+    ----------
+    size : int
+        Number q: 3 B of harmonics, one group for each degree, then those of the images, one group.
+    """
+    group = np.full(size, len(DEGREES))
+    group[: 3 * len(DEGREE_OF)] = np.searchsorted(DEGREES, np.tile(DEGREE_OF, 3))
+    return np.asarray(np.eye(len(DEGREES) + 1)[group])
 
 
 def trunk_of(layout: Layout) -> tuple[int, ...] | None:
