@@ -48,6 +48,7 @@ CALLED_FROM_OUTSIDE = {
     "excerpt": "cuts a recording in time: for users, benchmarks and tests",
     "keypoints_only": "drops the 3D poses: for users, benchmarks and tests",
     "camera_from_arrays": "public interface",
+    "propose": "registration as the paper's experiments have it, for benchmarks",
 }
 """Public functions of core/ that nothing in the package calls, with the reason."""
 

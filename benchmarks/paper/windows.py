@@ -15,10 +15,12 @@ from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.paper.oriented import oriented_points
-from stcalib_ros.core.paper.registration import PairRegistration, register
-from stcalib_ros.core.registration.resampling import common_step, sample_camera
-from stcalib_ros.core.registration.two_view_refinement import refine_pair
-from stcalib_ros.core.registration.voting import register_pair
+from stcalib_ros.core.paper.registration import PairRegistration
+from stcalib_ros.core.paper.registration import register as register_vmf
+from stcalib_ros.core.registration.epipolar_correlation import keypoint_moments
+from stcalib_ros.core.registration.pairs import PairTask, propose, register
+from stcalib_ros.core.registration.pieces import whole_tracks
+from stcalib_ros.core.registration.resampling import Grid, common_step
 
 
 def register_on_windows(
@@ -80,7 +82,7 @@ def register_on_windows(
             for c in (a, b)
         )
         lags = np.arange(-max_lag, max_lag + 1)
-        found = register(a, b, target, source, first + max_lag, lags, options.vmf, rng)
+        found = register_vmf(a, b, target, source, first + max_lag, lags, options.vmf, rng)
         return None if found is None else replace(found, starts=first)
     inside = _only_windows(cam_a, first, window, step)
     return _by_correlation(
@@ -122,21 +124,22 @@ def _by_correlation(
     """The default method on the windows of the target."""
     window, o = options.vmf.window, options.registration
     step = common_step([views.lifted[a], views.lifted[b]])
-    here, there = (
-        sample_camera(camera, views.skeleton, start=begin, step=step, n=n)
-        for camera in (target, views.lifted[b])
+    grid = Grid(begin, step, n)
+    pieces = (whole_tracks(target), whole_tracks(views.lifted[b]))
+    task = PairTask(
+        a,
+        b,
+        pieces,
+        (keypoint_moments(pieces[0].camera, grid), keypoint_moments(pieces[1].camera, grid)),
+        step,
+        max_lag,
+        replace(o, min_overlap=min(o.min_overlap, window * len(starts))),
+        max_lag == 0,
     )
-    few = replace(o, min_overlap=min(o.min_overlap, window * len(starts)))
-    hypotheses = register_pair(a, b, here, there, max_lag, few)
+    hypotheses = (register if refine else propose)(task)
     if not hypotheses:
         return None
-    best = hypotheses[0]
-    if refine:
-        cameras = [target if c == a else camera for c, camera in enumerate(views.lifted)]
-        refined = [
-            refine_pair(cameras, h, synchronised=max_lag == 0) for h in hypotheses[: o.n_refined]
-        ]
-        best = max([*hypotheses, *(h for h in refined if h is not None)], key=reliability)
+    best = max(hypotheses, key=reliability)
     return PairRegistration(best, starts, _in_windows(target, best, starts, window, step), np.nan)
 
 
@@ -147,7 +150,7 @@ def _in_windows(
     found = []
     for p, q in h.matches:
         track = target.tracks[p]
-        stamps = target.stamps[track.frames[np.isfinite(track.joints_cam).any((1, 2))]]
+        stamps = target.stamps[track.frames[np.isfinite(track.x).any((1, 2))]]
         frame = np.rint((stamps - target.stamps[0]) / step).astype(np.int64)
         for w, start in enumerate(starts):
             if ((frame >= start) & (frame < start + window)).any():

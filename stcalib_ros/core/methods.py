@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core.bundle.covariance import pose_covariance
-from stcalib_ros.core.integration.averaging import integrate
+from stcalib_ros.core.integration.averaging import credible, integrate
 from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, largest_part
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
@@ -73,7 +73,7 @@ def _register(problem: CalibrationProblem) -> Registered:
         problem.executor,
         lambda fraction: problem.control.tick("pairwise registration", fraction),
     )
-    return Registered(tuple(h for hypotheses in found for h in hypotheses))
+    return Registered(credible([h for hypotheses in found for h in hypotheses]))
 
 
 def _integrate(

@@ -41,7 +41,7 @@ class RegistrationOptions:
     min_overlap : int
         Minimum number of common samples of two tracks at a lag.
     n_candidates : int
-        Number of the best (track, track, lag) triples that vote.
+        Number of the best (track, track, lag) triples that take in further tracks.
     n_hypotheses : int
         Number of distinct hypotheses kept of a pair of cameras.
     n_refined : int
@@ -50,9 +50,9 @@ class RegistrationOptions:
 
     method: str = "correlation"
     min_overlap: int = _within(12, 2, 10_000)
-    n_candidates: int = _within(200, 1, 100_000)
+    n_candidates: int = _within(16, 1, 100_000)
     n_hypotheses: int = _within(12, 1, 1000)
-    n_refined: int = _within(5, 1, 1000)
+    n_refined: int = _within(6, 1, 1000)
 
     def __post_init__(self) -> None:
         _require_valid(self, "registration.")

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from stcalib_ros.core.bundle.initialization import Start, select_initial_rig
 from stcalib_ros.core.bundle.istba import initial_adjustment, run_istba
 from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.limits import OTHER_OFFSET_FRAMES
 from stcalib_ros.core.control import Control
 from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, largest_part
 from stcalib_ros.core.lifting.views import LiftedViews
@@ -61,6 +62,8 @@ def adjust_rigs(
 ) -> Solution:
     """Adjust candidate rigs, and bring the one that fits best to the end (STBA, ISTBA).
 
+    Cameras in which another solution differs that fits about as well are left out.
+
     Parameters
     ----------
     problem : CalibrationProblem
@@ -82,7 +85,20 @@ def adjust_rigs(
     if rival is None:
         return _reinstate_excluded(problem, _exclude_unreliable(problem, start))
     found = rival_solution(start.iteration, rival, offset_range_s=problem.options.offset_range_s)
-    return replace(_solve(problem, start), rival=found)
+    step_s = start.iteration.observations.step_s
+    disputed = start.iteration.differing(rival, OTHER_OFFSET_FRAMES * step_s).tolist()
+    rest = [sub for rig in rigs if (sub := _without(rig, disputed)) is not None]
+    if not rest or _without(start.iteration.rig, disputed) is None:
+        return replace(_solve(problem, start), rival=found)
+    names = tuple(problem.exclusions.names[c] for c in disputed)
+    left_out = start.exclusions.adding(disputed, replace(found, cameras=names))
+    return adjust_rigs(problem, rest, left_out)
+
+
+def _without(rig: Rig, cameras: Sequence[int]) -> Rig | None:
+    """Return a rig without some cameras; None if fewer than two are left."""
+    kept = [i for i, c in enumerate(rig.cameras) if c not in cameras]
+    return sub_rig(rig, kept) if len(kept) > 1 else None
 
 
 def _adjust_initially(problem: CalibrationProblem, rig: Rig, exclusions: Exclusions) -> Start:

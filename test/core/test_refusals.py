@@ -134,6 +134,7 @@ def test_nobody_moving(seed, switches):
         RejectionReason.NO_MOTION,
         RejectionReason.RIVAL_SOLUTION,
         RejectionReason.OFFSET_AMBIGUOUS,
+        RejectionReason.OFFSET_AMBIGUOUS_WITH_OUTLIERS,
     )
     assert refusals(calibration)[0] in still_or_ambiguous
 
@@ -170,12 +171,9 @@ def test_two_groups_of_cameras(four, strangers):
     cameras = (*four.recording.cameras[:2], *strangers.recording.cameras[2:])
     calibration = verdict(replace(four.recording, cameras=cameras))
     assert_the_rest_is_calibrated(calibration, four.truth, ["cam0", "cam1"])
-    for name, other in (("cam2", "cam3"), ("cam3", "cam2")):
-        assert reasons(calibration)[name] is RejectionReason.UNMATCHED_OBSERVATIONS
-        assert f"{name}: hardly anything that it sees matches what is seen by cam0, cam1" in (
-            calibration.message
-        )
-        assert f"forms a separate group with {other}" in calibration.message
+    for name in ("cam2", "cam3"):
+        assert reasons(calibration)[name] is RejectionReason.DISCONNECTED
+    assert "forms a separate group with" in calibration.message
 
 
 def nothing_seen(camera):
@@ -183,16 +181,11 @@ def nothing_seen(camera):
     return unseen(camera)
 
 
-def no_poses(camera):
-    unknown = tracks_changed(lambda t: replace(t, joints=np.full_like(t.joints, np.nan)))
-    return unknown(camera)
-
-
 @pytest.mark.parametrize("name", ["cam0", "cam2"])
 @pytest.mark.parametrize(
     "change",
-    [nothing_seen, no_poses, lambda c: replace(c, tracks=())],
-    ids=["no keypoints", "no poses", "no tracks"],
+    [nothing_seen, lambda c: replace(c, tracks=())],
+    ids=["no keypoints", "no tracks"],
 )
 def test_a_camera_that_saw_nobody(four, name, change):
     calibration = verdict(changed(four.recording, name, change))

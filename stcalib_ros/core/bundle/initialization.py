@@ -88,7 +88,7 @@ def select_initial_rig(
     step_s = start.iteration.observations.step_s
     for k in others:
         rival = close[k].iteration
-        n_other = start.iteration.differing(rival, OTHER_OFFSET_FRAMES * step_s)
+        n_other = len(start.iteration.differing(rival, OTHER_OFFSET_FRAMES * step_s))
         stake = abs(fits[first]) * n_other / len(start.iteration.rig.cameras)
         if n_other and fits[first] - fits[k] < DECISIVE_FIT_GAIN * stake:
             return start, rival
@@ -101,7 +101,10 @@ def _initial_adjustments(
     exclusions: Exclusions,
     tick: Callable[[str, float], None],
 ) -> list[Start]:
-    """Adjust the best supported rigs: three, or all while none explains enough."""
+    """Adjust the best supported rigs: three, or all while none explains enough.
+
+    What is left of a rig without the reference is no rival of one that has it.
+    """
     starts: list[Start] = []
     why: Insufficient | None = None
     for k, rig in enumerate(rigs):
@@ -118,7 +121,8 @@ def _initial_adjustments(
             why = why or reason
     if why is not None and not starts:
         raise why
-    return starts
+    reference = rigs[0].cameras[0]
+    return [s for s in starts if reference in s.iteration.rig.cameras] or starts
 
 
 def _distinct(starts: Sequence[Start]) -> list[Start]:
@@ -134,7 +138,8 @@ def _distinct(starts: Sequence[Start]) -> list[Start]:
 def _same_solution(one: Iteration, other: Iteration) -> bool:
     """Whether two adjustments have the same cameras in the same places, to half a frame."""
     same = np.array_equal(one.rig.cameras, other.rig.cameras)
-    return same and not one.differing(other, SAME_OFFSET_FRAMES * one.observations.step_s)
+    differing = one.differing(other, SAME_OFFSET_FRAMES * one.observations.step_s)
+    return same and not len(differing)
 
 
 def _repeated(start: Start, adjust: Adjust) -> Start:

@@ -17,7 +17,7 @@ from stcalib_ros.core.bundle.residuals import errors_px, median_error
 from stcalib_ros.core.bundle.state import BundleState
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.integration.association import Association
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.rig import Rig, _part
 
 
@@ -147,19 +147,20 @@ class Iteration:
         n_points = self.state.triangulated().sum()
         return float((value - 1.5 * n_points) * self.coverage)
 
-    def differing(self, other: Iteration, tolerance_s: float) -> int:
+    def differing(self, other: Iteration, tolerance_s: float) -> IntArray:
         """Cameras that stand elsewhere, or whose clock is off by more, in the other solution.
 
-        Counted against the camera that makes the count smallest, among those that both have;
-        all of them differ if the two have not two cameras in common.
+        Counted against the camera that leaves fewest of them, among those that both have; all of
+        them differ if the two have not two cameras in common.
         """
         common = np.intersect1d(self.rig.cameras, other.rig.cameras)
-        counts = [len(common)]
-        for anchor in common:
+        fewest = self.rig.cameras if len(common) < 2 else common
+        for anchor in common if len(common) > 1 else ():
             cameras = np.array([anchor, *(c for c in common if c != anchor)])
             mine, its = (_part(one.rig, cameras) for one in (self, other))
-            counts.append(int(_elsewhere(mine, its, tolerance_s).sum()))
-        return min(counts) if len(common) > 1 else max(len(self.rig.cameras), 1)
+            elsewhere = cameras[_elsewhere(mine, its, tolerance_s)]
+            fewest = min(fewest, elsewhere, key=len)
+        return fewest
 
     def clock_difference_s(self, other: Iteration) -> float:
         """Largest difference of the offsets of cameras that both have, seconds."""
@@ -183,13 +184,15 @@ def _rig_of(state: BundleState, rig: Rig) -> Rig:
 def _elsewhere(one: Rig, other: Rig, tolerance_s: float) -> BoolArray:
     """Cameras (C,) that stand, look or run elsewhere in another rig of the same cameras.
 
-    Compared at one scale: the solutions may take the people for larger or smaller.
+    Compared at the scale that leaves fewest of them, since the solutions may take the people for
+    larger or smaller.
     """
     turned = rotation_angle(np.swapaxes(one.R_ref_cam, -1, -2) @ other.R_ref_cam)
-    reach, its_reach = (np.linalg.norm(rig.t_ref_cam, axis=-1) for rig in (one, other))
-    scale = np.median(reach[1:] / np.maximum(its_reach[1:], 1e-9))
-    scale = np.clip(scale, 1 / OTHER_SCALE, OTHER_SCALE)
-    distance = np.linalg.norm(one.t_ref_cam - scale * other.t_ref_cam, axis=-1)
     shifted = np.abs(one.offset_s - other.offset_s)
+    reach, its_reach = (np.linalg.norm(rig.t_ref_cam, axis=-1) for rig in (one, other))
+    scales = reach[1:] / np.maximum(its_reach[1:], 1e-9)
+    scales = np.clip(np.array([np.median(scales), *scales]), 1 / OTHER_SCALE, OTHER_SCALE)
+    distance = np.linalg.norm(one.t_ref_cam - scales[:, None, None] * other.t_ref_cam, axis=-1)
     moved = distance > OTHER_POSITION + OTHER_DISTANCE * reach
-    return np.asarray((turned > OTHER_ROTATION) | moved | (shifted > tolerance_s))
+    elsewhere = (turned > OTHER_ROTATION) | moved | (shifted > tolerance_s)
+    return np.asarray(elsewhere[int(elsewhere.sum(-1).argmin())])

@@ -25,9 +25,9 @@ from stcalib_ros.core.integration.limits import (
     EPIPOLAR_SCALE_PX,
     LAG_SCALE_FRAMES,
     MAX_RIGS,
+    MIN_RELIABILITY_RATIO,
     POSITION_SCALE,
     ROTATION_SCALE,
-    UNREFINED_RELIABILITY,
 )
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.relative_pose import RelativePose
@@ -188,6 +188,18 @@ class _Graph:
 
 def reliability(h: RelativePose) -> float:
     """Support, discounted where the keypoints contradict the hypothesis."""
-    if not np.isfinite(h.epipolar_px):
-        return UNREFINED_RELIABILITY * h.support
     return h.support / (1.0 + (h.epipolar_px / EPIPOLAR_SCALE_PX) ** 2)
+
+
+def credible(hypotheses: Sequence[RelativePose]) -> tuple[RelativePose, ...]:
+    """Drop hypotheses that are much less reliable than what both of their cameras have elsewhere.
+
+    Of two cameras that see different people something agrees as well.
+    """
+    best: dict[int, float] = {}
+    for h in hypotheses:
+        for c in (h.a, h.b):
+            best[c] = max(best.get(c, 0.0), reliability(h))
+    return tuple(
+        h for h in hypotheses if reliability(h) >= MIN_RELIABILITY_RATIO * min(best[h.a], best[h.b])
+    )

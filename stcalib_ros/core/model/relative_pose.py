@@ -24,9 +24,9 @@ class RelativePose:
     matches : tuple of (int, int)
         Indices of tracks of a and b that are the same person.
     support : float
-        Weight of the frames that agree with it.
+        Number of common keypoints that agree with it, weighted by how well.
     epipolar_px : float
-        Median Sampson distance of the matched keypoints; NaN before refinement.
+        Median Sampson distance of the matched keypoints.
     """
 
     a: int

@@ -11,10 +11,10 @@ MAX_PEOPLE = 24
 """Persons, count, those observed longest. More are not needed to find a camera or to detect
 ambiguous motion, and the cost of registration is quadratic in it. Cost alone."""
 
-MIN_LOOSE_COSINE = 0.5
-"""Mean cosine of the angle between bone directions from which on a rotation is tried at all, beside
-those that registration accepts: poor monocular poses agree no better than to 60 degrees, and the
-keypoints decide afterwards. Chosen on the scenes with poor poses of benchmarks.accuracy.level."""
+WIDEST_VIEW = 2.0
+"""Units of the plane z = 1, tangent of the angle off the optical axis. People further from the axis
+of the camera whose view of them is computed are left out: their points would outweigh all others.
+Chosen: 127 degrees, about the widest lens that is modelled by a plane."""
 
 MIN_FIT = 0.3
 """Fraction of a camera's keypoints that fit, each weighted by how well, below which resection has

@@ -7,15 +7,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.limits import NEAREST
 from stcalib_ros.core.bundle.residuals import errors_px
 from stcalib_ros.core.bundle.state import person_rows_of
 from stcalib_ros.core.integration.association import Association
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.calibration import PersonAssociation
-from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.skeleton import Skeleton
-from stcalib_ros.core.reconstruction.limits import MAX_PEOPLE, MIN_TRACK_FRACTION
+from stcalib_ros.core.reconstruction.limits import MAX_PEOPLE, MIN_TRACK_FRACTION, WIDEST_VIEW
 from stcalib_ros.core.registration.resampling import GridTracks, tracks_on_grid
 
 
@@ -70,42 +71,68 @@ def joint_paths(last: Iteration) -> Iterator[Float64Array]:
         yield joint_path(last, np.arange(part.start, part.stop))
 
 
-def people_on_grid(
-    skeleton: Skeleton, last: Iteration, *, start: float | None = None, n: int | None = None
-) -> tuple[GridTracks, list[int]]:
+def people_on_grid(skeleton: Skeleton, last: Iteration) -> tuple[GridTracks, list[int]]:
     """Return the people observed longest as tracks in the frame of the reference camera.
 
     Parameters
     ----------
     skeleton : Skeleton
     last : Iteration
-    start : float, optional
-        Time of the first sample, not after the first time bin (the default).
-    n : int, optional
-        Number of samples, one per time bin; by default up to the last bin.
 
     Returns
     -------
     GridTracks
+        One sample per time bin.
     list of int
         Their numbers in the observations.
     """
     obs = last.observations
-    start = obs.start_s if start is None else start
-    before = round((obs.start_s - start) / obs.step_s)
-    n = before + int(obs.time_bin.max()) + 1 if n is None else n
-    parts = list(person_rows_of(obs))
-    longest = sorted(range(len(parts)), key=lambda k: parts[k].start - parts[k].stop)
-    kept = longest[:MAX_PEOPLE]
+    n = int(obs.time_bin.max()) + 1
     paths, numbers = [], []
-    for k, joints in enumerate(joint_paths(last)):
-        if k in kept:
-            first = before + int(obs.time_bin[parts[k].start])
-            path = np.full((n, *joints.shape[1:]), np.nan)
-            path[first : first + len(joints)] = joints
-            paths.append(path)
-            numbers.append(int(obs.person[parts[k].start]))
-    return tracks_on_grid("people", paths, skeleton, start=start, step=obs.step_s, n=n), numbers
+    for rows, joints in _longest_paths(last):
+        first = int(obs.time_bin[rows.start])
+        path = np.full((n, *joints.shape[1:]), np.nan)
+        path[first : first + len(joints)] = joints
+        paths.append(path)
+        numbers.append(int(obs.person[rows.start]))
+    grid = tracks_on_grid("people", paths, skeleton, start=obs.start_s, step=obs.step_s, n=n)
+    return grid, numbers
+
+
+def people_as_observed(last: Iteration, c: int) -> LiftedCamera:
+    """Return the people observed longest as a camera of the rig would have them without errors.
+
+    It has an image at every time bin, by the reference clock.
+
+    Parameters
+    ----------
+    last : Iteration
+    c : int
+        Position of the camera in the rig.
+    """
+    obs, state = last.observations, last.state
+    focal = float(np.median(obs.focal[:, c][obs.observed[:, c]]))
+    tracks = []
+    for number, (rows, joints) in enumerate(_longest_paths(last)):
+        X = joints @ state.R_cam_ref[c].T + state.t_cam_ref[c]
+        known = np.isfinite(X[..., 2])
+        ahead = np.where(known, X[..., 2], -1.0) > NEAREST
+        x = np.where(ahead[..., None], X[..., :2] / X[..., 2:], np.nan)
+        x[(np.abs(x) > WIDEST_VIEW).any(-1)] = np.nan
+        count = np.maximum(known.sum(1), 1)
+        root = np.where(known[..., None], X, 0.0).sum(1) / count[:, None]
+        frames = int(obs.time_bin[rows.start]) + np.arange(len(X))
+        tracks.append(LiftedTrack(number, frames, x, np.full(x.shape[:2], focal), X, root))
+    bins = np.arange(int(obs.time_bin.max()) + 1, dtype=np.float64)
+    stamps: Float64Array = obs.start_s + obs.step_s * bins
+    return LiftedCamera("people", stamps, tuple(tracks))
+
+
+def _longest_paths(last: Iteration) -> list[tuple[slice, Float64Array]]:
+    """Return rows and joints (K, J, 3) of the people who are observed longest."""
+    parts = list(person_rows_of(last.observations))
+    longest = sorted(range(len(parts)), key=lambda k: parts[k].start - parts[k].stop)[:MAX_PEOPLE]
+    return [(parts[k], joints) for k, joints in enumerate(joint_paths(last)) if k in longest]
 
 
 def joint_path(last: Iteration, rows: IntArray) -> Float64Array:

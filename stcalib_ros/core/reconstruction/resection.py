@@ -1,7 +1,7 @@
 """Resection of a camera that was left out, from the people that the other cameras reconstruct.
 
-Their joints are known in space and time by then. The camera's own 3D poses give approximate
-rotations and time offsets; from these its keypoints are fitted to the joints (resection, or PnP,
+Their joints are known in space and time by then, and are registered with the camera like those of
+another camera without errors. From there its keypoints are fitted to the joints (resection, or PnP,
 with the time offset as a seventh unknown), which determines the persons, too.
 """
 
@@ -26,20 +26,20 @@ from stcalib_ros.core.geometry.so3 import exp_so3, hat, rotation_angle
 from stcalib_ros.core.integration.association import SLOT_SAMPLES
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
-from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.reconstruction.limits import (
     FIT_SCALE_PX,
     MIN_FIT,
-    MIN_LOOSE_COSINE,
     PERSON_SCALE_RATIO,
     RIVAL_FIT_RATIO,
 )
-from stcalib_ros.core.reconstruction.people import people_on_grid
-from stcalib_ros.core.registration.resampling import sample_camera
-from stcalib_ros.core.registration.voting import register_pair
+from stcalib_ros.core.reconstruction.people import people_as_observed
+from stcalib_ros.core.registration.epipolar_correlation import keypoint_moments
+from stcalib_ros.core.registration.pairs import PairTask, register
+from stcalib_ros.core.registration.pieces import cut_tracks, longest, whole_tracks
+from stcalib_ros.core.registration.resampling import common_grid
 
 _MAX_IMAGES = 300
 """Poses of the camera, count; of more, a regular part is used. Cost alone."""
@@ -111,10 +111,7 @@ def resect(
     """
     frame_s = last.observations.step_s
     keypoints = _Keypoints(cameras[index], last, synchronised=options.synchronised)
-    fitted = (
-        keypoints.fit(Resection(h.R_a_b, h.t_a_b, -h.lag_s, 0.0))
-        for h in _hypotheses(cameras[index], skeleton, last, options)
-    )
+    fitted = (keypoints.fit(start) for start in _starts(cameras[index], skeleton, last, options))
     found = sorted(fitted, key=lambda one: -one.explained)
     if not found or found[0].explained < MIN_FIT:
         return None
@@ -138,24 +135,29 @@ def add_cameras(rig: Rig, found: dict[int, Resection], order: Sequence[int]) -> 
     return sub_rig(grown, [place[c] for c in order if c in place])
 
 
-def _hypotheses(
+def _starts(
     camera: LiftedCamera, skeleton: Skeleton, last: Iteration, options: Options
-) -> tuple[RelativePose, ...]:
-    """Return candidates by bone directions, the people taken as one camera without errors."""
-    step = last.observations.step_s
-    first = last.observations.start_s
-    longest = max(float(last.observations.time_bin.max() * step), float(np.ptp(camera.stamps)))
-    start = min(first, float(camera.stamps[0]))
-    end = max(first, float(camera.stamps[0])) + longest
-    n = int((end - start) / step) + 2
-    people, _ = people_on_grid(skeleton, last, start=start, n=n)
-    observed = sample_camera(camera, skeleton, start=start, step=step, n=n)
-    max_lag = int(np.ceil(2.0 * options.offset_range_s / step))
-    strict = register_pair(0, 1, people, observed, max_lag, options.registration)
-    loose = register_pair(
-        0, 1, people, observed, max_lag, options.registration, thresholds=(MIN_LOOSE_COSINE,)
+) -> list[Resection]:
+    """Return candidates by epipolar correlation with the people as one of the others has them."""
+    view = int(last.observations.observed.sum((0, 2)).argmax())
+    people = people_as_observed(last, view)
+    pieces = (whole_tracks(people), longest(cut_tracks(camera, skeleton.layout)))
+    grid = common_grid((people, camera), last.observations.step_s)
+    task = PairTask(
+        0,
+        1,
+        pieces,
+        (keypoint_moments(pieces[0].camera, grid), keypoint_moments(pieces[1].camera, grid)),
+        grid.step_s,
+        int(np.ceil(2.0 * options.offset_range_s / grid.step_s)),
+        options.registration,
+        options.synchronised,
     )
-    return (*strict, *loose)
+    R_ref_view, t_ref_view = last.rig.R_ref_cam[view], last.rig.t_ref_cam[view]
+    return [
+        Resection(R_ref_view @ h.R_a_b, t_ref_view + R_ref_view @ h.t_a_b, -h.lag_s, 0.0)
+        for h in register(task)
+    ]
 
 
 class _Predicted(NamedTuple):

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-VOTE_THRESHOLDS = (0.8, 0.7, 0.6, 0.5)
-"""Cosine-like agreement of bones after rotation, tried in this order: matches above it support a
-proposal, and the next one is for pairs in which nothing agrees by the one before. Chosen on
-simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
-
 SAME_ROTATION = 0.15
 """rad. Hypotheses on a pair that differ by less in rotation, and by at most `SAME_LAG` in lag, are
 one: about three standard deviations of rotations by poor 3D poses. Chosen on simulated scenes of
@@ -16,42 +11,13 @@ SAME_LAG = 3
 """Samples of the grid (0.1 s at 30 Hz). See `SAME_ROTATION`. Chosen on simulated scenes of
 benchmarks.accuracy.level; not verified on real recordings."""
 
-MAX_POSITION_DIFFERENCE = 0.35
-"""Metres by the size of the people. Matches whose translations differ by less agree on one: half a
-step, less than the distance between two people. Chosen on simulated scenes of
-benchmarks.accuracy.level; not verified on real recordings."""
-
-BODY_SIZE_RATIO = 1.25
-"""Ratio. People may be larger or smaller than their lifter takes them for by this, which stretches
-the translation. Derived: adults of 1.45 to 1.95 m taken for 1.70 m are within 17 %, and the lifter
-errs as well."""
-
 MIN_SUPPORT_RATIO = 0.3
 """Ratio to the support of the best hypothesis. Those with less are not refined on keypoints. Chosen
 on simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
 
 MIN_POINTS = 60
-"""Keypoints. A hypothesis with fewer matched ones is not refined: three measurements at
-`CORRELATED_KEYPOINTS`, for six unknowns with a prior on five. Chosen on simulated scenes of
-benchmarks.accuracy.level; not verified on real recordings."""
-
-CORRELATED_KEYPOINTS = 20
-"""Keypoints per independent measurement: joints of one body in successive frames have errors in
-common. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
-
-MAX_ROTATION_STDDEV = 0.1
-"""rad. Standard deviation of a registration by 3D poses is taken to be no larger, and is this where
-too little is known. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real
-recordings."""
-
-DIRECTION_RATIO = 2.0
-"""Ratio. Standard deviation of the direction of the translation over that of the rotation: it
-depends on depths as well. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on
-real recordings."""
-
-SCATTER_FACTOR = 2.0
-"""Ratio. Blocks of a track are not quite independent, since neighbours have slow errors of the
-poses in common: their scatter counts times this. Chosen on simulated scenes of
+"""Keypoints. A hypothesis with fewer matched ones is not refined: six unknowns, and joints of one
+body in successive frames have errors in common. Chosen on simulated scenes of
 benchmarks.accuracy.level; not verified on real recordings."""
 
 MIN_BASELINE_M = 1e-6
@@ -63,3 +29,78 @@ MAX_STEP_ROTATION = 0.2
 
 MIN_BONE_M = 1e-6
 """Metres. Shorter bones have no direction. Numerical."""
+
+JUMP_FACTOR = 3.0
+"""Ratio to the usual motion of the joints nearby. A track that moves more from one frame to the
+next, and by `JUMP_FRACTION` more, has jumped to another person. Chosen on exchanges of ids in the
+scenes of benchmarks.accuracy.level and in the clip of pose2sim_balance."""
+
+JUMP_FRACTION = 0.03
+"""Fraction of the height of a body in the image. See `JUMP_FACTOR`: noise alone is no jump where
+somebody stands. Chosen on the same recordings."""
+
+MAX_GAP_S = 0.5
+"""Seconds. A track that was lost for longer may be somebody else afterwards. Chosen: within it
+people go less than a body's width."""
+
+MIN_PIECE_FRAMES = 10
+"""Frames, count. Shorter pieces of a track register nothing. Derived: ten bodies of 17 joints are
+170 points, but those of successive frames hardly differ."""
+
+MIRRORED_FRACTION = 0.6
+"""Ratio. Left and right are exchanged between two frames if the joints move by less than this part
+of the way when they are exchanged back. Chosen on the clip of pose2sim_balance."""
+
+MIN_FLIP_PX = 4.0
+"""Pixels a joint. See `MIRRORED_FRACTION`: where the two sides are closer than the noise, nothing
+is known. Chosen: about the noise of keypoints."""
+
+MIN_FLIPPED_JOINTS = 6
+"""Joints with a side, count. See `MIRRORED_FRACTION`: with fewer that are seen in both frames,
+nothing is known. Chosen: half of the limbs' twelve."""
+
+MAX_FLIP_S = 0.7
+"""Seconds. Left and right that change places twice within are exchanged in between. Chosen: of a
+longer exchange it is not known which side is right."""
+
+SCAN_STEP_S = 1.0 / 15.0
+"""Seconds. Lags are looked at in about these steps at first. Derived: at a walk the error of a lag
+grows over a tenth of a second, so that every minimum has a lag in it."""
+
+TYPICAL_JOINTS = 12
+"""Joints of a person that are seen in a frame, count. ``registration.min_overlap`` counts frames,
+of which a pair of tracks must have so many joints in common to be a seed. Chosen: two thirds of the
+17 of COCO."""
+
+MIN_SEED_POINTS = 16
+"""Keypoints that two tracks have in common at a lag, whatever the options are. Derived: two for
+each of the eight unknowns of a matrix."""
+
+MIN_GROWTH_POINTS = 40
+"""Keypoints. A seed takes in pairs of tracks with as many in common: what little there is of a
+person adds up, once the matrix is known. Chosen on the same recordings."""
+
+GROWTH_PX = 14.0
+"""Pixels. A seed takes in pairs of tracks up to this Sampson distance (root mean square) under its
+matrix. Chosen on the same recordings: keypoints of different models are 5 to 10 px off."""
+
+GROWTH_FACTOR = 2.5
+"""Ratio to the error of the seed. It takes in pairs of tracks with up to that many times its own,
+where that is more than `GROWTH_PX`. Chosen on the same recordings."""
+
+KEYPOINT_SCALE_PX = 8.0
+"""Pixels. Scale of the Cauchy weight of Sampson distances where hypotheses are compared: usual
+errors of keypoints of real pose estimators. Chosen on the same recordings."""
+
+JOINT_PX = 7.0
+"""Pixels. Where the matrix of a seed is far from a pair of tracks, but that of both together is
+within `GROWTH_PX`, they agree up to this error (root mean square) of both. Chosen: usual errors of
+keypoints; a stranger has 15 px and more."""
+
+MAX_PIECES = 64
+"""Pieces of tracks, count. So many of a camera are registered, the longest ones: pairs of them are
+looked at one by one. Chosen: bounds time; a crowd of 15 has 64 pieces of a third of its time."""
+
+MAX_PIECE_FRAMES = 200_000
+"""Frames, count. Pieces times the length of the longest are no more: bounds the memory, to about
+300 MB for two cameras and 17 joints. Numerical."""

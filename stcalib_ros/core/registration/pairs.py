@@ -6,19 +6,29 @@ clusters carry it elsewhere, and the answers are the same wherever they were fou
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options, RegistrationOptions
-from stcalib_ros.core.registration.limits import MIN_SUPPORT_RATIO
-from stcalib_ros.core.registration.resampling import Grid, GridTracks, sample_camera
+from stcalib_ros.core.registration.correspondences import correspondences
+from stcalib_ros.core.registration.epipolar_correlation import KeypointMoments, keypoint_moments
+from stcalib_ros.core.registration.epipolar_search import Agreement, search
+from stcalib_ros.core.registration.essential import pose_by_cheirality, robust_essential
+from stcalib_ros.core.registration.limits import (
+    MIN_POINTS,
+    MIN_SUPPORT_RATIO,
+    SAME_LAG,
+    SAME_ROTATION,
+)
+from stcalib_ros.core.registration.pieces import Pieces, cut_tracks, longest
+from stcalib_ros.core.registration.resampling import Grid
 from stcalib_ros.core.registration.two_view_refinement import refine_pair
-from stcalib_ros.core.registration.voting import register_pair
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,9 +39,12 @@ class PairTask:
     ----------
     a, b : int
         Indices of the cameras, as the hypotheses carry them.
-    cameras : (LiftedCamera, LiftedCamera)
-    grids : (GridTracks, GridTracks)
-        Resampled tracks of these cameras.
+    pieces : (Pieces, Pieces)
+        Their tracks.
+    moments : (KeypointMoments, KeypointMoments)
+        Of the pieces, on one grid.
+    step_s : float
+        Step of the grid, seconds.
     max_lag : int
         Lags are searched within plus and minus this many samples.
     options : RegistrationOptions
@@ -41,8 +54,9 @@ class PairTask:
 
     a: int
     b: int
-    cameras: tuple[LiftedCamera, LiftedCamera]
-    grids: tuple[GridTracks, GridTracks]
+    pieces: tuple[Pieces, Pieces]
+    moments: tuple[KeypointMoments, KeypointMoments]
+    step_s: float
     max_lag: int
     options: RegistrationOptions
     synchronised: bool
@@ -57,17 +71,16 @@ def pair_tasks(
     grid: Grid,
 ) -> list[PairTask]:
     """Return the tasks of all pairs of some cameras, sampled on a grid."""
-    sampled = {
-        c: sample_camera(lifted[c], skeleton, start=grid.start_s, step=grid.step_s, n=grid.n)
-        for c in cameras
-    }
+    pieces = {c: longest(cut_tracks(lifted[c], skeleton.layout)) for c in cameras}
+    moments = {c: keypoint_moments(pieces[c].camera, grid) for c in cameras}
     max_lag = int(np.ceil(2.0 * options.offset_range_s / grid.step_s))
     return [
         PairTask(
             a,
             b,
-            (lifted[a], lifted[b]),
-            (sampled[a], sampled[b]),
+            (pieces[a], pieces[b]),
+            (moments[a], moments[b]),
+            grid.step_s,
             max_lag,
             options.registration,
             options.synchronised,
@@ -78,12 +91,60 @@ def pair_tasks(
 
 
 def register(task: PairTask) -> tuple[RelativePose, ...]:
-    """Return the hypotheses on a pair: by bone directions, and the refined ones as well."""
-    found = register_pair(0, 1, *task.grids, task.max_lag, task.options)
-    worth = [h for h in found if h.support >= MIN_SUPPORT_RATIO * found[0].support]
+    """Return the hypotheses on a pair of cameras, refined, the best supported first."""
+    cameras = tuple(pieces.camera for pieces in task.pieces)
     refined = (
-        refine_pair(task.cameras, h, synchronised=task.synchronised)
-        for h in worth[: task.options.n_refined]
+        refine_pair(cameras, h, synchronised=task.synchronised) for h in _starts(task, cameras)
     )
-    hypotheses = (*found, *(h for h in refined if h is not None))
-    return tuple(replace(h, a=task.a, b=task.b) for h in hypotheses)
+    found = (h for h in refined if h is not None and h.support > 0.0)
+    best = sorted(found, key=lambda h: -h.support)
+    kept = _distinct(best, task.step_s)[: task.options.n_hypotheses]
+    return tuple(_of_tracks(h, task) for h in kept)
+
+
+def propose(task: PairTask) -> tuple[RelativePose, ...]:
+    """Return the hypotheses on a pair of cameras that `register` refines."""
+    cameras = tuple(pieces.camera for pieces in task.pieces)
+    return tuple(_of_tracks(h, task) for h in _starts(task, cameras))
+
+
+def _starts(task: PairTask, cameras: tuple[LiftedCamera, ...]) -> Iterator[RelativePose]:
+    """Yield the relative poses of what agrees on an essential matrix."""
+    found = search(*task.moments, max_lag=task.max_lag, step_s=task.step_s, options=task.options)
+    for one in found:
+        if one.support >= MIN_SUPPORT_RATIO * found[0].support:
+            start = _start(cameras, one, task.step_s)
+            if start is not None:
+                yield start
+
+
+def _start(
+    cameras: tuple[LiftedCamera, ...], found: Agreement, step_s: float
+) -> RelativePose | None:
+    """Return the relative pose of an agreement of pieces; None with too few common keypoints."""
+    h = RelativePose(0, 1, np.eye(3), np.zeros(3), found.lag * step_s, found.matches, found.points)
+    common = correspondences(cameras, h)
+    if len(common.x_a) < MIN_POINTS:
+        return None
+    R_a_b, t_a_b = pose_by_cheirality(robust_essential(found.E, common), common)
+    return replace(h, R_a_b=R_a_b, t_a_b=t_a_b, epipolar_px=found.error_px)
+
+
+def _distinct(hypotheses: Sequence[RelativePose], step_s: float) -> list[RelativePose]:
+    """Drop hypotheses that came to the same as a better one."""
+    kept: list[RelativePose] = []
+    for h in hypotheses:
+        if not any(
+            abs(h.lag_s - other.lag_s) < SAME_LAG * step_s
+            and float(rotation_angle(h.R_a_b.T @ other.R_a_b)) < SAME_ROTATION
+            for other in kept
+        ):
+            kept.append(h)
+    return kept
+
+
+def _of_tracks(h: RelativePose, task: PairTask) -> RelativePose:
+    """Return a hypothesis on pieces as one on the tracks of the recording."""
+    a, b = (pieces.track for pieces in task.pieces)
+    matches = sorted({(int(a[p]), int(b[q])) for p, q in h.matches})
+    return replace(h, a=task.a, b=task.b, matches=tuple(matches))

@@ -32,9 +32,9 @@ class Grid:
     n: int
 
 
-def common_grid(cameras: Sequence[LiftedCamera]) -> Grid:
-    """Return the grid that spans all frames of some cameras, at their common step."""
-    step_s = common_step(cameras)
+def common_grid(cameras: Sequence[LiftedCamera], step_s: float | None = None) -> Grid:
+    """Return the grid that spans all frames of some cameras, at a step or at their common one."""
+    step_s = step_s or common_step(cameras)
     start_s = min(float(camera.stamps[0]) for camera in cameras)
     end_s = max(float(camera.stamps[-1]) for camera in cameras)
     return Grid(start_s, step_s, int((end_s - start_s) / step_s) + 1)

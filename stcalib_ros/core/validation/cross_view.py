@@ -16,7 +16,7 @@ from stcalib_ros.core.model.calibration import PairResidual
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.relative_pose import RelativePose, relative_pose
 from stcalib_ros.core.model.skeleton import Skeleton
-from stcalib_ros.core.registration.two_view_refinement import correspondences
+from stcalib_ros.core.registration.correspondences import correspondences
 from stcalib_ros.core.validation.thresholds import MIN_BONE_PAIRS
 
 _MAX_FRAMES = 400

@@ -131,7 +131,7 @@ def unsettled_cameras(iterations: Sequence[Iteration]) -> int:
     if len(iterations) < 2:
         return 0
     before, last = iterations[-2:]
-    return before.differing(last, last.observations.step_s)
+    return len(before.differing(last, last.observations.step_s))
 
 
 def rival_solution(best: Iteration, other: Iteration, *, offset_range_s: float) -> Rejection:

@@ -63,7 +63,7 @@ def test_there_is_a_task_for_every_pair_in_the_order_of_the_cameras(tasks):
 
 def test_a_task_holds_its_two_cameras_only(tasks, small_scene):
     whole = len(pickle.dumps(small_scene.recording))
-    names = [{camera.name for camera in task.cameras} for task in tasks]
+    names = [{pieces.camera.name for pieces in task.pieces} for task in tasks]
     assert names == [{"cam2", "cam0"}, {"cam2", "cam1"}, {"cam0", "cam1"}]
     assert all(len(pickle.dumps(task)) < 2.0 * whole for task in tasks)
 

@@ -12,18 +12,11 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from stcalib_ros.core.geometry.epipolar import sampson
-from stcalib_ros.core.geometry.so3 import exp_so3, hat, log_so3, rotation_angle
+from stcalib_ros.core.geometry.so3 import exp_so3, hat, rotation_angle
 from stcalib_ros.core.model.relative_pose import RelativePose
-from stcalib_ros.core.options import RegistrationOptions
-from stcalib_ros.core.registration.pose_noise import registration_stddev
-from stcalib_ros.core.registration.resampling import sample_camera
-from stcalib_ros.core.registration.two_view_refinement import (
-    correspondences,
-    refine_pair,
-    white_noise_px,
-)
-from stcalib_ros.core.registration.voting import register_pair
-from stcalib_ros.core.synthetic import SceneOptions, paper_scene, simulate
+from stcalib_ros.core.registration.correspondences import correspondences, white_noise_px
+from stcalib_ros.core.registration.two_view_refinement import refine_pair
+from stcalib_ros.core.synthetic import simulate
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -135,7 +128,7 @@ def direction_error(h, truth):
 def test_rotation_direction_and_lag_between_frames_are_recovered(subframe, seed):
     cameras, truth = subframe
     refined = refine_pair(cameras, disturbed(truth, degrees=2, frames=1.3, seed=seed))
-    # The prior holds on to the start, and images are read off between frames linearly.
+    # Images are read off between frames linearly.
     assert rotation_angle(refined.R_a_b.T @ truth.R_a_b) < 3e-3
     assert direction_error(refined, truth) < 3e-3
     assert abs(refined.lag_s - truth.lag_s) < 0.05 * FRAME_S
@@ -164,38 +157,32 @@ def test_the_truth_stays(subframe):
     assert abs(refined.lag_s - truth.lag_s) < 0.02 * FRAME_S
 
 
-def test_a_baseline_of_the_wrong_sign_is_turned(subframe):
+def test_people_behind_the_cameras_support_nothing(subframe):
     cameras, truth = subframe
-    refined = refine_pair(cameras, replace(truth, t_a_b=-truth.t_a_b))
-    assert direction_error(refined, truth) < 1e-2
+    assert refine_pair(cameras, replace(truth, t_a_b=-truth.t_a_b)).support < 0.01 * (
+        refine_pair(cameras, truth).support
+    )
 
 
-def scipy_optimum(cameras, start, refined):
+def scipy_optimum(cameras, refined):
     """Minimum of the same robust cost, found without derivatives from where the refined is."""
     c = correspondences(cameras, refined)
     at_optimum = sampson(hat(refined.t_a_b) @ refined.R_a_b, c.x_a, c.x_b) * c.focal
     deviation = 1.48 * np.median(np.abs(at_optimum))
     white = min(1, (white_noise_px(cameras[1].tracks) / deviation) ** 2)
-    unit = start.t_a_b / np.linalg.norm(start.t_a_b)
-    rotation, direction = registration_stddev(cameras[start.a], cameras[start.b], start)
-    tangent = np.linalg.svd(unit[None])[2][1:]
+    tangent = np.linalg.svd(refined.t_a_b[None])[2][1:]
 
     def unpack(v):
         t = exp_so3(tangent.T @ v[3:5]) @ (refined.t_a_b / np.linalg.norm(refined.t_a_b))
         return exp_so3(v[:3]) @ refined.R_a_b, t, refined.lag_s + v[5] * FRAME_S
 
-    def parts(v):
-        R, t, lag_s = unpack(v)
-        x = correspondences(cameras, replace(refined, lag_s=lag_s))
-        r = sampson(hat(t) @ R, x.x_a, x.x_b, 1 - white * (1 - x.variance_b)) * x.focal
-        prior = [*log_so3(R @ start.R_a_b.T) / rotation, *(t - unit) / direction]
-        return r, np.array(prior)
-
     scale = max(3.0, 1.5 * deviation)
 
     def cost(v):
-        r, prior = parts(v)
-        return np.log1p((r / scale) ** 2).mean() * len(c.x_a) / 20 + prior @ prior
+        R, t, lag_s = unpack(v)
+        x = correspondences(cameras, replace(refined, lag_s=lag_s))
+        r = sampson(hat(t) @ R, x.x_a, x.x_b, 1 - white * (1 - x.variance_b)) * x.focal
+        return np.log1p((r / scale) ** 2).mean()
 
     best = minimize(cost, np.zeros(6), method="Nelder-Mead", options={"maxfev": 900, "xatol": 1e-5})
     return cost(np.zeros(6)), best.fun
@@ -210,7 +197,7 @@ def test_refinement_reaches_the_optimum_of_its_cost():
     )
     start = disturbed(truth, degrees=3, frames=0.5)
     refined = refine_pair(cameras, start)
-    reached, best = scipy_optimum(cameras, start, refined)
+    reached, best = scipy_optimum(cameras, refined)
     assert reached < best + 2e-3 * abs(best)
 
 
@@ -245,22 +232,3 @@ def test_velocities_are_those_of_the_points(subframe):
     c = correspondences(cameras, truth)
     later = correspondences(cameras, replace(truth, lag_s=truth.lag_s + h))
     np.testing.assert_allclose((later.x_b - c.x_b) / h, c.v_b, atol=1e-6)
-
-
-def test_poses_as_exact_as_key_points_are_not_traded_for_them():
-    """Noise on the 3D points, as the paper has it: poses say more than their images."""
-    before, after, frames = [], [], []
-    for seed in range(3):
-        scene = paper_scene(SceneOptions(n_cameras=2, n_frames=200, seed=seed))
-        skeleton, cameras = lifted(scene.recording)
-        grids = [sample_camera(c, skeleton, start=0.0, step=FRAME_S, n=200 + 5) for c in cameras]
-        found = register_pair(0, 1, *grids, 10, RegistrationOptions())[0]
-        refined = refine_pair(cameras, found)
-        rig = true_rig(scene)
-        R, t = rig.R_ref_cam[1], rig.t_ref_cam[1]
-        truth = replace(found, R_a_b=R, t_a_b=t)
-        before.append([rotation_angle(found.R_a_b.T @ R), direction_error(found, truth)])
-        after.append([rotation_angle(refined.R_a_b.T @ R), direction_error(refined, truth)])
-        frames.append(abs(refined.lag_s + rig.offset_s[1]) / FRAME_S)
-    assert (np.mean(after, 0) < 1.1 * np.mean(before, 0)).all()
-    assert np.mean(frames) < 0.12
