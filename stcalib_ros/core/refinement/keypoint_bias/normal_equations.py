@@ -63,20 +63,25 @@ class Part:
     axes: Float64Array
 
     @property
+    def in_body(self) -> int:
+        """Number 3 B of the coefficients of the harmonics of a joint."""
+        return int(3 * self.basis.shape[1])
+
+    @property
     def size(self) -> int:
-        """Number q of coefficients of a joint: 3 B of harmonics, then 2 C of the cameras."""
-        return int(3 * self.basis.shape[1] + 2 * len(self.axes))
+        """Number q of coefficients of a joint: harmonics, images of all cameras, of each camera."""
+        return self.in_body + 2 + 2 * len(self.axes)
 
     def own(self, camera: int) -> IntArray:
         """Positions of the coefficients that act in one camera."""
-        shared = 3 * self.basis.shape[1]
-        return np.asarray(np.r_[:shared, shared + 2 * camera : shared + 2 * camera + 2])
+        first = self.in_body + 2 + 2 * camera
+        return np.asarray(np.r_[: self.in_body + 2, first : first + 2])
 
     def displacement(self, camera: int, bias: Float64Array) -> Float64Array:
         """Displacements (3, J, n), reference frame, of keypoints with coefficients (J, q)."""
-        shared, J = 3 * self.basis.shape[1], len(bias)
-        in_body = bias[:, :shared].reshape(J, 3, -1) @ self.basis[camera]
-        in_image = self.axes[camera] @ bias[:, self.own(camera)[shared:]].T
+        J, own = len(bias), bias[:, self.own(camera)]
+        in_body = own[:, : self.in_body].reshape(J, 3, -1) @ self.basis[camera]
+        in_image = self.axes[camera] @ own[:, self.in_body :].reshape(J, 2, 2).sum(1).T
         R = self.R_ref_body[:, :, None]
         return np.asarray(sum(R[:, b] * in_body[:, b] for b in range(3)) + in_image[:, :, None])
 
@@ -169,14 +174,15 @@ def _by_joint(
 
 
 def _bias_columns(part: Part, c: int, A: Float64Array) -> Float64Array:
-    """Weighted derivatives (J, 3 B + 2, 2, n) by the biases that act in one camera."""
+    """Weighted derivatives (J, 3 B + 4, 2, n) by the biases that act in one camera."""
     J, n = A.shape[2:]
-    shared = 3 * part.basis.shape[1]
-    out = np.empty((J, shared + 2, 2, n))
+    k = part.in_body
+    out = np.empty((J, k + 4, 2, n))
     for i in range(2):
         in_body = sum(A[i, b][:, None] * part.R_ref_body[b] for b in range(3))
-        out[:, :shared, i] = (in_body[:, :, None] * part.basis[c]).reshape(J, -1, n)
-        out[:, shared:, i] = np.tensordot(A[i], part.axes[c], (0, 0)).transpose(0, 2, 1)
+        out[:, :k, i] = (in_body[:, :, None] * part.basis[c]).reshape(J, -1, n)
+        out[:, k : k + 2, i] = np.tensordot(A[i], part.axes[c], (0, 0)).transpose(0, 2, 1)
+    out[:, k + 2 :] = out[:, k : k + 2]
     return out
 
 

@@ -57,7 +57,7 @@ class BiasFit:
         Joints of every part.
     bias : (P, J, q) ndarray
         Coefficients by person and joint: of the harmonics in body axes (3 B), then displacements
-        in the image of each camera (2 C).
+        in the images of all cameras (2) and of each (2 C).
     variance : (P, q) ndarray
         Of the prior of the coefficients, by person.
     sigma_px : float

@@ -34,8 +34,8 @@ def test_harmonics_are_orthonormal_and_have_no_constant_part():
 
 
 def test_every_coefficient_has_the_prior_of_its_degree_or_of_the_images():
-    member = prior_groups(3 * len(DEGREE_OF) + 2 * 4)
-    np.testing.assert_array_equal(member.sum(0), [3 * 3, 3 * 5, 3 * 7, 2 * 4])
+    member = prior_groups(3 * len(DEGREE_OF) + 2 + 2 * 4)
+    np.testing.assert_array_equal(member.sum(0), [3 * 3, 3 * 5, 3 * 7, 2, 2 * 4])
     np.testing.assert_array_equal(member.sum(1), 1)
     degree = np.tile(DEGREE_OF, 3)
     np.testing.assert_array_equal(member[: len(degree), :3] @ [1, 2, 3], degree)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.optimize import approx_fprime
 
 from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
@@ -17,7 +18,7 @@ from stcalib_ros.core.refinement.keypoint_bias.normal_equations import (
 )
 
 C, J, N, B = 3, 2, 4, 5
-Q = 3 * B + 2 * C
+Q = 3 * B + 2 + 2 * C
 UNKNOWNS = ParameterLayout(C)
 WIDE = 1e6  # px: all image points count fully
 
@@ -75,15 +76,17 @@ def test_gradients_are_those_of_the_cost_with_joints_that_follow():
     np.testing.assert_allclose(right[:, UNKNOWNS.size : -1].ravel(), by_bias, atol=2e-4 * size)
 
 
-def test_a_displacement_in_the_image_of_one_camera_moves_only_its_keypoints():
+@pytest.mark.parametrize(("first", "cameras_moved"), [(0, (0, 1, 2)), (2 + 2 * 2, (2,))])
+def test_a_displacement_in_the_images_moves_the_keypoints_of_their_cameras(first, cameras_moved):
     part, cameras, X = scene(np.random.default_rng(5))
-    bias = np.zeros((J, Q))
-    bias[1, part.own(2)[3 * B :]] = (0.02, -0.01)
+    none, bias = np.zeros((2, J, Q))
+    bias[1, part.in_body + first :][:2] = (0.02, -0.01)
     for c in range(C):
-        plain, moved = (project(part, c, cameras, X, b) for b in (np.zeros((J, Q)), bias))
-        difference = (moved.Y - plain.Y).reshape(3, J, N)
-        expected = [[0.0], [0.02 * (c == 2)]], [[0.0], [-0.01 * (c == 2)]], [[0.0], [0.0]]
-        np.testing.assert_allclose(difference, np.broadcast_to(expected, (3, J, N)), atol=1e-12)
+        plain, moved = (project(part, c, cameras, X, b).Y.reshape(3, J, N) for b in (none, bias))
+        expected = np.zeros((3, J, N))
+        if c in cameras_moved:
+            expected[:2, 1] = [[0.02], [-0.01]]
+        np.testing.assert_allclose(moved - plain, expected, atol=1e-12)
 
 
 def test_products_by_blocks_of_columns_are_those_of_all():
