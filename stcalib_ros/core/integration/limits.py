@@ -28,9 +28,10 @@ of them. Chosen on simulated scenes of benchmarks.accuracy.level; not verified o
 recordings."""
 
 MAX_DEPTH_ERROR = 0.2
-"""Fraction of the depth of a body by its size. Bodies that are further from each other than
-that of both depths together are hardly one person: half the cost of a merge at this distance. Derived: what people differ in size by and limbs are foreshortened; in
-pose2sim_balance opposite cameras place one man up to 1.6 m apart at 4 m."""
+"""Fraction of the depth of a body by its size. Bodies that are further from each other than that of
+both depths together are hardly one person: half the cost of a merge at this distance. Derived: what
+people differ in size by and limbs are foreshortened; in pose2sim_balance opposite cameras place one
+man up to 1.6 m apart at 4 m."""
 
 USUAL_BODY_DISTANCE = 0.6
 """Ratio to the distance by `MAX_DEPTH_ERROR`. Bodies further from each other count as strangers
