@@ -143,7 +143,10 @@ def _sample(camera: LiftedCamera, rig: Rig, i: int, times: Float64Array) -> _Sam
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Distance:
-    """Epipolar distance (px) and distance of the bodies (m) of all pieces of two cameras."""
+    """Epipolar distance (px) and distance of the bodies (m) of all pieces of two cameras.
+
+    Bodies of which one is unknown have no distance: keypoints alone decide there.
+    """
 
     epipolar: Float64Array  # (P, Q, S)
     body: Float64Array  # (P, Q, S)
@@ -181,7 +184,7 @@ def _distance(a: _Samples, b: _Samples, R_a_b: Float64Array, t_a_b: Float64Array
         errors = np.abs(sampson(E, x_a, x_b)) * focal
         epipolar[here, there, s] = _median(errors, MIN_SHARED_KEYPOINTS)
         gap = np.linalg.norm(a.body[here, s] - b.body[there, s], axis=-1)
-        body[here, there, s] = _median(gap, 1)
+        body[here, there, s] = np.nan_to_num(_median(gap, 1), posinf=0.0)
     return _Distance(epipolar, body)
 
 
