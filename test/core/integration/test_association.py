@@ -220,7 +220,7 @@ def test_strangers_are_put_together_with_nobody(exact_scene, exact_lifted):
         )
         for k, c in enumerate(cameras)
     )
-    association = associate(split, true_rig(exact_scene), step_s=FRAME_S, floor_px=FLOOR_PX)
+    association = associate(split, true_rig(exact_scene), step_s=FRAME_S, floor_px=8.0)
     found = [set(p[p >= 0].tolist()) for p in association.person_of]
     assert found[2] == found[3]
     assert not found[0] & found[1]
