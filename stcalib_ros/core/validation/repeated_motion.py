@@ -120,18 +120,21 @@ def _rigid_distances(a: Float64Array, b: Float64Array) -> tuple[Float64Array, Fl
 
     And the numbers of points that are finite in both.
     """
-    both = np.isfinite(a + b).all(-1)
-    n = both.sum(1)
-    p, q = (np.where(both[..., None], one, 0.0) for one in (a[None], b))
-    p, q = (
-        np.where(both[..., None], one - (one.sum(1) / np.maximum(n, 1)[:, None])[:, None], 0.0)
-        for one in (p, q)
-    )
+    both = np.asarray(np.isfinite(a + b).all(-1))[..., None]
+    n = both.sum((1, 2))
+    p, q = (_centred(one, both) for one in (a[None], b))
     covariance = np.einsum("smi,smj->sij", p, q, optimize=True)
     singular = np.linalg.svd(covariance, compute_uv=False)
     singular[:, 2] *= np.where(np.linalg.det(covariance) < 0.0, -1.0, 1.0)
     squared = (p**2).sum((1, 2)) + (q**2).sum((1, 2)) - 2.0 * singular.sum(1)
     return np.sqrt(np.maximum(squared, 0.0) / np.maximum(n, 1)), n.astype(np.float64)
+
+
+def _centred(points: Float64Array, counted: BoolArray) -> Float64Array:
+    """Points (S, M, 3) less the means of those that count (S, M, 1); zero where they do not."""
+    known = np.where(counted, points, 0.0)
+    mean = known.sum(1, keepdims=True) / np.maximum(counted.sum(1, keepdims=True), 1)
+    return np.where(counted, known - mean, 0.0)
 
 
 def _error_ratio(
@@ -142,12 +145,13 @@ def _error_ratio(
     The median over the other cameras: where one of these is wrong, it fits better elsewhere, too.
     Infinite where people repeat themselves at the same place: there the camera need not move.
     """
-    known = images.later[s] >= 0
+    known = np.flatnonzero(images.later[s] >= 0)
     here, there = X[images.rows[known]], X[images.later[s][known]]
-    both: BoolArray = np.asarray(np.isfinite(here + there).all(-1))
-    R, t = _rigid_motion(there[both], here[both])
-    in_place, moved_there = there[both] - here[both], there[both] @ R.T + t - here[both]
-    if np.linalg.norm(moved_there) > MAX_MOVED_DISTANCE * np.linalg.norm(in_place):
+    both = np.isfinite(here + there).all(-1)
+    here, there = here[both], there[both]
+    R, t = _rigid_motion(there, here)
+    in_place, moved = there - here, there @ R.T + t - here
+    if np.linalg.norm(moved) > MAX_MOVED_DISTANCE * np.linalg.norm(in_place):
         return np.inf
     state, c = last.state, images.camera
     R_c, t_c = state.R_cam_ref[c] @ R, state.R_cam_ref[c] @ t + state.t_cam_ref[c]
@@ -158,13 +162,13 @@ def _error_ratio(
             continue
         own = relative_pose(last.rig, c, o, matches)
         R_c_o = R_c @ state.R_cam_ref[o].T
-        moved = replace(
+        rival = replace(
             own,
             R_a_b=R_c_o,
             t_a_b=t_c - R_c_o @ state.t_cam_ref[o],
             lag_s=own.lag_s + float(images.shifts[s]) * last.observations.step_s,
         )
-        at_own, elsewhere = refine_pair(cameras, own), refine_pair(cameras, moved)
+        at_own, elsewhere = refine_pair(cameras, own), refine_pair(cameras, rival)
         if at_own is not None and elsewhere is not None:
             ratios.append(elsewhere.epipolar_px / max(at_own.epipolar_px, 1e-12))
     return float(np.median(ratios)) if ratios else np.inf
