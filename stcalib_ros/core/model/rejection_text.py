@@ -14,8 +14,16 @@ _SENTENCES = {
         "two that see the same people"
     ),
     _R.NO_PERSONS: (
-        "no person with enough keypoints and 3D joints: check the pose estimator's output, and "
-        "min_score"
+        "no person with enough keypoints: check the pose estimator's output, and min_score"
+    ),
+    _R.KEYPOINTS_NORMALISED: (
+        "its keypoints look normalised: they lie between {least:.2g} and {measured:.2g}, where "
+        "pixels of an image of {width:.0f} x {height:.0f} are expected; multiply those of 0..1 by "
+        "the image size (those of -1..1: add 1, and multiply by half of it)"
+    ),
+    _R.KEYPOINTS_COINCIDE: (
+        "all keypoints of each person are at one place, within {measured:.2g} px: check the pose "
+        "estimator's output"
     ),
     _R.CLOCK_EPOCH_DIFFERS: (
         "its clock does not overlap with the others: {begin_s:.1f}..{end_s:.1f} s against "
@@ -150,6 +158,10 @@ _REMARKS = {
         "everybody stays on one line: people who walk across it would determine more"
     ),
     RemarkCode.RECORD_LONGER: "a clip twice as long would make that about 30 % less",
+    RemarkCode.POSES_LEFT_OUT: (
+        "{camera}: {n_left_out:.0f} of {n_poses:.0f} poses are left out, since all of their "
+        "keypoints are at one place: check the pose estimator's output"
+    ),
     RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
     RemarkCode.VERIFIED_BY_LIMBS_ALONE: (
         "no 3D poses verify {cameras}: only the lengths of people's limbs do, which vary by "
