@@ -43,12 +43,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     poses = tuple(_HEADINGS) if args.poses == "both" else (args.poses,)
     sections: list[Section] = []
     for scenario in HARD if args.hard else SCENARIOS:
-        if args.only in (None, scenario.name):
+        if args.only is None or scenario.name in args.only:
             found = _simulated(scenario, poses, args, sections)
             _print(found, as_json=args.json)
             sections += found
     for name in dict.fromkeys(case.name for p in poses for case in _REAL[p]):
-        if args.real or args.only == name:
+        if args.real or name in (args.only or ()):
             cases = [(case, p) for p in poses for case in _REAL[p] if case.name == name]
             found = [real(case, p) for case, p in cases]
             _print(found, as_json=args.json)
@@ -108,7 +108,9 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     names = [scenario.name for scenario in (*SCENARIOS, *HARD)]
     names += [case.name for case in _REAL["2d"]]
-    parser.add_argument("--only", choices=names, help="one scenario or real recording")
+    parser.add_argument(
+        "--only", choices=names, nargs="+", help="these scenarios and real recordings"
+    )
     parser.add_argument("--scenes", type=int, metavar="N", help="number of scenes of each scenario")
     parser.add_argument(
         "--poses", choices=[*_HEADINGS, "both"], default="both", help="default both"

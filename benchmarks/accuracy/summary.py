@@ -37,7 +37,7 @@ class Targets:
 
     Attributes
     ----------
-    solved : int
+    solved : int or None
         Smallest number of scenes to be solved.
     may_refuse : bool
         Whether refusing a scene counts as much as solving it.
@@ -45,7 +45,7 @@ class Targets:
         Largest accepted medians and 90th percentiles of the errors.
     """
 
-    solved: int
+    solved: int | None
     may_refuse: bool
     medians: Mapping[str, float] = field(default_factory=dict)
     p90: Mapping[str, float] = field(default_factory=dict)
@@ -97,7 +97,7 @@ def targets_2d(scenario: Scenario, n: int, with_3d: Sequence[Run]) -> Targets:
     if own is not None:
         return Targets(_at_least(own.success, n), scenario.may_refuse, own.medians)
     if not with_3d:
-        return Targets(0, scenario.may_refuse)
+        return Targets(None, scenario.may_refuse)
     usual = {name: float(np.median(_errors(with_3d, name))) for name in _ERRORS}
     medians = {name: MAX_2D_RATIO * value for name, value in usual.items() if value > 0.0}
     return Targets(max(0, sum(not run.failure for run in with_3d) - 1), False, medians)
@@ -147,8 +147,10 @@ def _rows(
     n, wrong = len(runs), sum(run.wrong for run in runs)
     solved = sum(not run.failure for run in runs)
     good, how = (n - wrong, " or refused") if targets.may_refuse else (solved, "")
+    needed = targets.solved
+    target, met = ("", None) if needed is None else (f">= {needed}{how}", good >= needed)
     rows = [
-        Row("solved", f"{solved} of {n}", f">= {targets.solved}{how}", good >= targets.solved),
+        Row("solved", f"{solved} of {n}", target, met),
         Row("wrong, but OK", f"{wrong}", "0", wrong == 0),
     ]
     for name in _ERRORS:

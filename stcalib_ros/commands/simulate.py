@@ -10,7 +10,7 @@ from typing import Any
 from stcalib_ros.commands.bag_and_truth import add_output_arguments, require_outputs, write_outputs
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.recording import Recording, keypoints_only
-from stcalib_ros.core.synthetic import PEOPLE, SceneOptions, simulate
+from stcalib_ros.core.synthetic import BIAS_FORMS, PEOPLE, SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.rigs import read_rig
 
@@ -41,7 +41,8 @@ _HELP = {
     "drop_rate": "fraction of images that a camera loses",
     "line_time_s": "rolling shutter, seconds per image row: one, or one per camera",
     "sigma_px": "noise of keypoints, per axis",
-    "keypoint_bias_mm": "view-dependent displacement of keypoints, rms",
+    "keypoint_bias_mm": "systematic displacement of keypoints, rms",
+    "keypoint_bias_form": "how that depends on view and pose",
     "lifter_mm": "range of the mean joint errors of 3D poses",
     "lifter_depth_ratio": "joint error along the optical axis over that across",
     "tilt_deg": "slow tilt of 3D poses, rms",
@@ -131,6 +132,7 @@ def _settings(field: Field[Any]) -> dict[str, Any]:
         "line_time_s": {"nargs": "+", "type": float, "metavar": "S"},
         "rig": {"type": Path, "metavar": "FILE"},
         "people": {"choices": PEOPLE},
+        "keypoint_bias_form": {"choices": BIAS_FORMS},
     }
     if field.name in special:
         return special[field.name]

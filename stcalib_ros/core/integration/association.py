@@ -25,6 +25,7 @@ from stcalib_ros.core.integration.limits import (
     MERGE_COST,
     MIN_SHARED_KEYPOINTS,
     TOLERANCE_FACTOR,
+    USUAL_BODY_DISTANCE,
 )
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, time_span
@@ -209,7 +210,7 @@ def _tolerance(distance: dict[tuple[int, int], _Distance], floor_px: float) -> f
     for d in distance.values():
         if not d.epipolar.size:
             continue
-        gated = np.where(d.body < 1.0, d.epipolar, np.inf)
+        gated = np.where(d.body < USUAL_BODY_DISTANCE, d.epipolar, np.inf)
         mutual = (gated <= gated.min(0, keepdims=True)) & (gated <= gated.min(1, keepdims=True))
         nearest.append(gated[mutual & np.isfinite(gated)])
     values = np.concatenate(nearest) if nearest else np.zeros(0)

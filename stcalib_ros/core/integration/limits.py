@@ -28,10 +28,15 @@ of them. Chosen on simulated scenes of benchmarks.accuracy.level; not verified o
 recordings."""
 
 MAX_DEPTH_ERROR = 0.2
-"""Fraction of the depth of a body by its size. Bodies further from each other than that of both
-depths together count as strangers where the usual distance is measured, and add half the cost of a
-merge at this distance. Derived: what people differ in size by and limbs are foreshortened; in
-pose2sim_balance opposite cameras place one man up to 1.6 m apart at 4 m."""
+"""Fraction of the depth of a body by its size. Bodies that are further from each other than that of
+both depths together are hardly one person: half the cost of a merge at this distance. Derived: what
+people differ in size by and limbs are foreshortened; in pose2sim_balance opposite cameras place one
+man up to 1.6 m apart at 4 m."""
+
+USUAL_BODY_DISTANCE = 0.6
+"""Ratio to the distance by `MAX_DEPTH_ERROR`. Bodies further from each other count as strangers
+where the usual epipolar distance is measured. Chosen: 1.2 m for two cameras at 5 m from somebody,
+less than what most strangers keep."""
 
 MIN_SHARED_KEYPOINTS = 12
 """Keypoints of a slot (samples times joints). With fewer in common two pieces have no distance:

@@ -1,5 +1,6 @@
 """Simulated recordings with a known answer."""
 
+from stcalib_ros.core.synthetic.bias_forms import BIAS_FORMS
 from stcalib_ros.core.synthetic.changes import CameraChange
 from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.options import SceneOptions
@@ -9,6 +10,7 @@ from stcalib_ros.core.synthetic.rigs import SceneRig
 from stcalib_ros.core.synthetic.scene import Scene, simulate
 
 __all__ = [
+    "BIAS_FORMS",
     "PEOPLE",
     "CameraChange",
     "MotionClip",

@@ -11,8 +11,8 @@ from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.recording import CameraRecording, Track
 from stcalib_ros.core.synthetic import tracking
+from stcalib_ros.core.synthetic.bias_forms import keypoint_bias
 from stcalib_ros.core.synthetic.changes import CameraChange, poses_over_time, stamps_over_time
-from stcalib_ros.core.synthetic.detector import DetectorBias, displaced
 from stcalib_ros.core.synthetic.lifter import LifterErrors, lift
 from stcalib_ros.core.synthetic.noise import child_rng
 from stcalib_ros.core.synthetic.options import SceneOptions
@@ -133,8 +133,10 @@ def observe(
     draws = [child_rng(rng) for _ in people]
     for p, own in enumerate(draws):
         common = np.random.default_rng([*people_seed, 1_000 + p])
-        seen_at = displaced(truth[:, p], DetectorBias(common, 1e-3 * options.keypoint_bias_mm))
-        keypoints[:, p] = project_visible(seen_at, lens)
+        other = np.random.default_rng([*people_seed, 2_000 + p])
+        size_m = 1e-3 * options.keypoint_bias_mm
+        bias = keypoint_bias(options.keypoint_bias_form, common, other, size_m, camera=camera)
+        keypoints[:, p] = project_visible(bias(truth[:, p]), lens)
         joints[:, p] = lift(own, times, truth[:, p], _lifter(own, common, options))
     keypoints += options.sigma_px * rng.standard_normal(keypoints.shape)
     visible = _visible(child_rng(rng), options, times, truth, keypoints)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.synthetic.bias_forms import BIAS_FORMS
 from stcalib_ros.core.synthetic.people import PEOPLE
 from stcalib_ros.core.synthetic.rigs import SceneRig
 
@@ -51,8 +52,12 @@ class SceneOptions:
     sigma_px : float
         Standard deviation of the noise of keypoints, per axis.
     keypoint_bias_mm : float
-        Root mean square, per axis, of the view-dependent displacement of keypoints (see
-        `DetectorBias`).
+        Root mean square, per axis, of the systematic displacement of keypoints.
+    keypoint_bias_form : str
+        "harmonic" (a polynomial of the viewing direction), "constant" (the same in the image for
+        every view), "views" (another one for each camera), "hidden" (joints behind the trunk are
+        pulled to the nearer side of it), "foreshortened" (growing as a bone points to the camera)
+        or "sizes" (harmonic, of another size for each person).
     lifter_mm : (float, float)
         Range of the mean joint error (MPJPE) of the 3D poses, per person and camera.
     lifter_depth_ratio : float
@@ -95,6 +100,7 @@ class SceneOptions:
     line_time_s: float | tuple[float, ...] = 0.0
     sigma_px: float = 3.0
     keypoint_bias_mm: float = 0.0
+    keypoint_bias_form: str = "harmonic"
     lifter_mm: tuple[float, float] = (30.0, 60.0)
     lifter_depth_ratio: float = 1.5
     tilt_deg: float = 3.0
@@ -124,6 +130,11 @@ class SceneOptions:
             raise InputError("focal_px, rig_scale and area_radius_m must be above 0")
         if self.people not in PEOPLE:
             raise InputError(f"people: expected one of {', '.join(PEOPLE)}, got {self.people!r}")
+        if self.keypoint_bias_form not in BIAS_FORMS:
+            raise InputError(
+                f"keypoint_bias_form: expected one of {', '.join(BIAS_FORMS)},"
+                f" got {self.keypoint_bias_form!r}"
+            )
         n = self.n_cameras if self.rig is None else len(self.rig.names)
         self.rates(n)
         self.line_times(n)

@@ -2,7 +2,9 @@
 
 A detector puts a joint a few centimetres off, and as long as it sees the person from that side
 it is the same few centimetres: no average over time removes them. They are modelled as a smooth
-function of the direction from the body to the camera, in body axes.
+function of the direction from the body to the camera, in body axes, and of constant displacements
+in the image: the same one in all cameras (an ankle found too low), and another one in each, as
+light, background and clothes differ from view to view.
 """
 
 from __future__ import annotations
@@ -46,6 +48,22 @@ def harmonics(u: Float64Array, degrees: Sequence[int] = DEGREES) -> Float64Array
         ],
     }
     return np.stack([f for d in degrees for f in by_degree[d]])
+
+
+def prior_groups(size: int) -> Float64Array:
+    """Which coefficients (q,) of a joint have a prior of the same variance, (q, G), one of 1.
+
+    Parameters
+    ----------
+    size : int
+        Number q: 3 B of harmonics, one group for each degree; 2 of the images of all cameras
+        together, and two of the images of each.
+    """
+    k = 3 * len(DEGREE_OF)
+    group = np.full(size, len(DEGREES) + 1)
+    group[:k] = np.searchsorted(DEGREES, np.tile(DEGREE_OF, 3))
+    group[k : k + 2] = len(DEGREES)
+    return np.asarray(np.eye(len(DEGREES) + 2)[group])
 
 
 def trunk_of(layout: Layout) -> tuple[int, ...] | None:

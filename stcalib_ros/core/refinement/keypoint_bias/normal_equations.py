@@ -14,7 +14,11 @@ import numpy as np
 from stcalib_ros.core.bundle.normal_equations import backward_solve, cholesky3, forward_solve
 from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout, PointTimes
 from stcalib_ros.core.bundle.residuals import Projection
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+
+_COLUMNS = 32
+"""Count. Columns of the products of one joint. Numerical: BLAS spreads larger ones over threads,
+which takes several times the CPU time for matrices of this size."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +45,8 @@ class Part:
     R_ref_body : (3, 3, n) ndarray
     basis : (C, B, n) ndarray
         Harmonics of the direction to the cameras.
+    axes : (C, 3, 2) ndarray
+        Axes of the images, to the right and down, reference frame.
     """
 
     person: int
@@ -54,12 +60,30 @@ class Part:
     A: Float64Array
     R_ref_body: Float64Array
     basis: Float64Array
+    axes: Float64Array
+
+    @property
+    def in_body(self) -> int:
+        """Number 3 B of the coefficients of the harmonics of a joint."""
+        return int(3 * self.basis.shape[1])
+
+    @property
+    def size(self) -> int:
+        """Number q of coefficients of a joint: harmonics, images of all cameras, of each camera."""
+        return self.in_body + 2 + 2 * len(self.axes)
+
+    def own(self, camera: int) -> IntArray:
+        """Positions of the coefficients that act in one camera."""
+        first = self.in_body + 2 + 2 * camera
+        return np.asarray(np.r_[: self.in_body + 2, first : first + 2])
 
     def displacement(self, camera: int, bias: Float64Array) -> Float64Array:
-        """Displacements (3, J, n), reference frame, of keypoints with coefficients (J, 3, B)."""
-        in_body = bias @ self.basis[camera]
+        """Displacements (3, J, n), reference frame, of keypoints with coefficients (J, q)."""
+        J, own = len(bias), bias[:, self.own(camera)]
+        in_body = own[:, : self.in_body].reshape(J, 3, -1) @ self.basis[camera]
+        in_image = self.axes[camera] @ own[:, self.in_body :].reshape(J, 2, 2).sum(1).T
         R = self.R_ref_body[:, :, None]
-        return np.asarray(sum(R[:, b] * in_body[:, b] for b in range(3)))
+        return np.asarray(sum(R[:, b] * in_body[:, b] for b in range(3)) + in_image[:, :, None])
 
     def point_times(self, camera: int) -> PointTimes:
         """What the delays of the keypoints of one camera depend on, over (1, J n)."""
@@ -75,7 +99,7 @@ class Part:
 def project(
     part: Part, c: int, cameras: Cameras, X: Float64Array, bias: Float64Array
 ) -> Projection:
-    """Project joints X (3, J, n) with biases (J, 3, B) into one camera; points are (J n)."""
+    """Project joints X (3, J, n) with biases (J, q) into one camera; points are (J n)."""
     own, times = cameras.only(c), part.point_times(c)
     (J, n), R = X.shape[1:], cameras.R[c]
     delay = own.delay(times)
@@ -110,38 +134,31 @@ def person_sums(
     scale: float,
     layout: ParameterLayout,
 ) -> Float64Array:
-    """Normal equations (J, q, q) of the camera unknowns, 3 B biases and the right side.
+    """Normal equations (J, m, m) of the camera unknowns, the biases and the right side.
 
     The joint positions X (3, J, n) are eliminated.
     """
     C, (J, n) = len(cameras.t), X.shape[1:]
-    B = part.basis.shape[1]
     k, block = layout.size, layout.block
-    q = k + 3 * B + 1
-    H, W = np.zeros((3, 3, J, n)), np.zeros((3, q, J, n))
-    S = np.zeros((J, q, q))
+    m = k + part.size + 1
+    H, W = np.zeros((3, 3, J, n)), np.zeros((3, m, J, n))
+    S = np.zeros((J, m, m))
     for c in range(C):
         at = project(part, c, cameras, X, bias)
         rows, A, r = _by_joint(at, scale, (J, n))
-        F = np.empty((J, block + 3 * B + 1, 2, n))
+        own = np.r_[layout.of_camera(c), k + part.own(c), m - 1]
+        F = np.empty((J, len(own), 2, n))
         by_camera = at.camera_columns(rows, layout).reshape(block, 2, J, n)
         F[:, :block] = by_camera.transpose(2, 0, 1, 3)
         F[:, block:-1] = _bias_columns(part, c, A)
         F[:, -1] = r.swapaxes(0, 1)
-        own = layout.of_camera(c)
-        index = np.r_[own, k:q]
-        flat = F.reshape(J, len(index), 2 * n)
-        S[:, index[:, None], index] += flat @ flat.swapaxes(1, 2)
+        S[:, own[:, None], own] += _outer(F.reshape(J, len(own), 2 * n))
         H += _squared(A)
-        for i in range(2):
-            f = F[:, :, i].swapaxes(0, 1)
-            for a in range(3):
-                product = f * A[i, a]
-                W[a, own] += product[:block]
-                W[a, k:] += product[block:]
+        f = F.transpose(2, 1, 0, 3)
+        for a in range(3):
+            W[a, own] += f[0] * A[0, a] + f[1] * A[1, a]
     W = forward_solve(cholesky3(H, 0.0), W)
-    T = W.transpose(2, 1, 0, 3).reshape(J, q, 3 * n)
-    return np.asarray(S - T @ T.swapaxes(1, 2))
+    return np.asarray(S - _outer(W.transpose(2, 1, 0, 3).reshape(J, m, 3 * n)))
 
 
 def _by_joint(
@@ -157,13 +174,22 @@ def _by_joint(
 
 
 def _bias_columns(part: Part, c: int, A: Float64Array) -> Float64Array:
-    """Weighted derivatives (J, 3 B, 2, n) by the biases."""
+    """Weighted derivatives (J, 3 B + 4, 2, n) by the biases that act in one camera."""
     J, n = A.shape[2:]
-    out = np.empty((J, 3 * part.basis.shape[1], 2, n))
+    k = part.in_body
+    out = np.empty((J, k + 4, 2, n))
     for i in range(2):
         in_body = sum(A[i, b][:, None] * part.R_ref_body[b] for b in range(3))
-        out[:, :, i] = (in_body[:, :, None] * part.basis[c]).reshape(J, -1, n)
+        out[:, :k, i] = (in_body[:, :, None] * part.basis[c]).reshape(J, -1, n)
+        out[:, k : k + 2, i] = np.tensordot(A[i], part.axes[c], (0, 0)).transpose(0, 2, 1)
+    out[:, k + 2 :] = out[:, k : k + 2]
     return out
+
+
+def _outer(F: Float64Array) -> Float64Array:
+    """``F F^T`` (J, q, q) of F (J, q, K), by a few of its K columns at a time."""
+    blocks = (F[:, :, i : i + _COLUMNS] for i in range(0, F.shape[2], _COLUMNS))
+    return np.asarray(sum(f @ f.swapaxes(1, 2) for f in blocks))
 
 
 def _squared(A: Float64Array) -> Float64Array:

@@ -17,10 +17,9 @@ from stcalib_ros.core.geometry.robust import CAUCHY, LEAST_SHARE, MIN_SCALE_PX, 
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.refinement.evidence import renewed_variance
 from stcalib_ros.core.refinement.keypoint_bias.harmonics import (
-    DEGREE_OF,
-    DEGREES,
     body_frames,
     harmonics,
+    prior_groups,
 )
 from stcalib_ros.core.refinement.keypoint_bias.normal_equations import (
     Part,
@@ -56,10 +55,11 @@ class BiasFit:
     cameras : Cameras
     X : tuple of (3, J, n) ndarray
         Joints of every part.
-    bias : (P, J, 3, B) ndarray
-        Coefficients of the harmonics by person and joint, in body axes.
-    variance : (B,) ndarray
-        Of the prior of the coefficients.
+    bias : (P, J, q) ndarray
+        Coefficients by person and joint: of the harmonics in body axes (3 B), then displacements
+        in the images of all cameras (2) and of each (2 C).
+    variance : (P, q) ndarray
+        Of the prior of the coefficients, by person.
     sigma_px : float
         Noise of the keypoints, per axis.
     """
@@ -80,12 +80,12 @@ class EliminatedBiases:
     system : ReducedSystem
     known : (n, n) ndarray
         Normal equations of the cameras if the biases were known.
-    inverse : (P, J, 3 B, 3 B) ndarray
+    inverse : (P, J, q, q) ndarray
         Covariance of the biases, cameras given.
-    observed : (P, J, 3 B) ndarray
+    observed : (P, J, q) ndarray
         What the keypoints know of each of them: diagonal of their normal equations.
-    gradient : (P, J, 3 B) ndarray
-    mixed : (P, J, 3 B, n) ndarray
+    gradient : (P, J, q) ndarray
+    mixed : (P, J, q, n) ndarray
     """
 
     system: ReducedSystem
@@ -96,24 +96,22 @@ class EliminatedBiases:
     mixed: Float64Array
 
     def hints_at_biases(self) -> bool:
-        """Whether some harmonics of a small variance would explain the keypoints better.
+        """Whether some biases of a small variance would explain the keypoints better.
 
         At a fit without biases. The score test: the marginal likelihood rises with a variance
         from zero on if the squares of the gradient are larger than noise makes them.
         """
-        squares, observed = (
-            v.reshape(-1, len(DEGREE_OF)).sum(0) for v in (self.gradient**2, self.observed)
-        )
-        return any(squares[d == DEGREE_OF].sum() > observed[d == DEGREE_OF].sum() for d in DEGREES)
+        member = prior_groups(self.observed.shape[-1])
+        squares, observed = (v.sum((0, 1)) @ member for v in (self.gradient**2, self.observed))
+        return bool((squares > observed).any())
 
     def determined(self, variance: Float64Array) -> Float64Array:
-        """Numbers (B,) of coefficients that the keypoints determine, by harmonic."""
+        """Numbers (P, q) of coefficients that the keypoints determine, by person."""
         diagonal = np.diagonal(self.inverse, axis1=-2, axis2=-1)
-        fraction = 1.0 - diagonal / np.tile(variance, 3)
-        return np.asarray(fraction.reshape(-1, 3, len(variance)).sum((0, 1)))
+        return np.asarray((1.0 - diagonal / variance[:, None]).sum(1))
 
     def unknown(self, person: int, joint: int) -> EliminatedUnknown:
-        """The coefficients (3 B) of the bias of one joint, as the covariance has it."""
+        """The coefficients (q,) of the bias of one joint, as the covariance has it."""
         conditional = self.inverse[person, joint]
         return EliminatedUnknown(conditional, -conditional @ self.mixed[person, joint])
 
@@ -137,6 +135,7 @@ def parts_of(obs: Observations, s: BundleState, trunk: tuple[int, ...]) -> Itera
                 s.A[part].transpose(2, 1, 0).copy(),
                 R,
                 harmonics(direction).swapaxes(0, 1).copy(),
+                s.R_cam_ref[:, :2].swapaxes(1, 2),
             )
 
 
@@ -171,12 +170,12 @@ class Problem:
         low_left, low_right, high_left, high_right = (s.X[:, j] for j in self.trunk)
         upward = high_left + high_right - low_left - low_right
         trunk = np.linalg.norm(upward, axis=-1) / 2.0
-        n_persons = 1 + self.parts[-1].person
+        n_persons, size = 1 + self.parts[-1].person, self.parts[0].size
         return BiasFit(
             s.cameras,
             tuple(s.X[part.rows].transpose(2, 1, 0).copy() for part in self.parts),
-            np.zeros((n_persons, obs.x.shape[2], 3, len(DEGREE_OF))),
-            np.full(len(DEGREE_OF), float((_FIRST_SPREAD * np.median(trunk)) ** 2)),
+            np.zeros((n_persons, obs.x.shape[2], size)),
+            np.full((n_persons, size), float((_FIRST_SPREAD * np.median(trunk)) ** 2)),
             noise_px(obs, s),
         )
 
@@ -222,13 +221,12 @@ class Problem:
         return replace(fit, cameras=fit.cameras.scaled(grow), X=X, bias=grow * fit.bias)
 
     def _renewed(self, fit: BiasFit, determined: Float64Array) -> BiasFit:
-        """Noise, and variances of the biases by their evidence: one per degree."""
-        squares = (fit.bias**2).sum((0, 1, 2))
+        """Noise, and variances of the biases by their evidence: per person and group."""
+        squares = (fit.bias**2).sum(1)
         least = (_LEAST_SPREAD * fit.cameras.length()) ** 2
-        variance = fit.variance.copy()
-        for degree in DEGREES:
-            mine = degree == DEGREE_OF
-            variance[mine] = renewed_variance(squares[mine].sum(), determined[mine].sum(), least)
+        member = prior_groups(fit.bias.shape[-1])
+        by_group = renewed_variance(squares @ member, determined @ member, least)
+        variance = by_group @ member.T
         errors = np.sqrt(np.concatenate(list(self._squares(fit))))
         points = sum(int(part.triangulated().sum()) for part in self.parts)
         fraction = 1.0 - (1.5 * points + 0.5 * float(determined.sum())) / len(errors)
@@ -237,19 +235,19 @@ class Problem:
 
     def eliminate(self, fit: BiasFit) -> EliminatedBiases:
         """Eliminate joints and biases at a fit."""
-        P, J, _, B = fit.bias.shape
+        P, J, q = fit.bias.shape
         k = self.layout.size
-        S = np.zeros((P, J, k + 3 * B + 1, k + 3 * B + 1))
+        S = np.zeros((P, J, k + q + 1, k + q + 1))
         scale = CAUCHY * fit.sigma_px
         for part, X in zip(self.parts, fit.X, strict=True):
             bias = fit.bias[part.person]
             S[part.person] += person_sums(part, fit.cameras, X, bias, scale, self.layout)
         S /= fit.sigma_px**2
-        precision = np.tile(1.0 / fit.variance, 3)
-        own = slice(k, k + 3 * B)
+        precision = 1.0 / fit.variance[:, None]
+        own = slice(k, k + q)
         observed = np.diagonal(S[:, :, own, own], axis1=-2, axis2=-1)
-        inverse = np.linalg.inv(S[:, :, own, own] + np.diag(precision))
-        gradient = S[:, :, own, -1] + precision * fit.bias.reshape(P, J, 3 * B)
+        inverse = np.asarray(np.linalg.inv(S[:, :, own, own] + precision[..., None] * np.eye(q)))
+        gradient = S[:, :, own, -1] + precision * fit.bias
         mixed = S[:, :, own, :k]
         gain = mixed.swapaxes(-1, -2) @ inverse
         known = S[:, :, :k, :k].sum((0, 1))
@@ -269,9 +267,9 @@ class Problem:
         """
         start = replace(self.start(), sigma_px=fit.sigma_px)
         plain = replace(start, X=self.followed(start))
-        spread = np.tile(np.sqrt(fit.variance), 3)
-        volume = np.linalg.slogdet(e.inverse / np.outer(spread, spread))[1].sum()
-        prior = (fit.bias**2 / fit.variance).sum()
+        spread = np.sqrt(fit.variance)[:, None]
+        volume = np.linalg.slogdet(e.inverse / (spread[..., None] * spread[..., None, :]))[1].sum()
+        prior = (fit.bias**2 / fit.variance[:, None]).sum()
         return float(self._cost(plain) - self._cost(fit) - 0.5 * prior + 0.5 * volume)
 
     def _cost(self, fit: BiasFit) -> float:

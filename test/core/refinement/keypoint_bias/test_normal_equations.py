@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.optimize import approx_fprime
 
 from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.refinement.keypoint_bias.normal_equations import (
+    _COLUMNS,
     Part,
+    _outer,
     follow,
     person_sums,
     project,
 )
 
 C, J, N, B = 3, 2, 4, 5
+Q = 3 * B + 2 + 2 * C
 UNKNOWNS = ParameterLayout(C)
 WIDE = 1e6  # px: all image points count fully
 
@@ -38,9 +42,10 @@ def scene(rng):
         rng.normal(size=(3, J, N)),
         np.moveaxis(exp_so3(rng.normal(size=(N, 3))), 0, -1),
         rng.normal(size=(C, B, N)),
+        R[:, :2].swapaxes(1, 2),
     )
     for c in range(C):
-        u = project(part, c, cameras, X, np.zeros((J, 3, B))).u
+        u = project(part, c, cameras, X, np.zeros((J, Q))).u
         part.x[c] = u.reshape(2, J, N) + rng.normal(scale=2e-3, size=(2, J, N))
     return part, cameras, X
 
@@ -57,7 +62,7 @@ def least_cost(part, cameras, X, bias):
 
 def test_gradients_are_those_of_the_cost_with_joints_that_follow():
     part, cameras, X = scene(np.random.default_rng(3))
-    none = np.zeros((J, 3, B))
+    none = np.zeros((J, Q))
     X = follow(part, cameras, X, none, WIDE, 12)
     right = person_sums(part, cameras, X, none, WIDE, UNKNOWNS)[:, :, -1]
     by_camera = approx_fprime(
@@ -71,9 +76,27 @@ def test_gradients_are_those_of_the_cost_with_joints_that_follow():
     np.testing.assert_allclose(right[:, UNKNOWNS.size : -1].ravel(), by_bias, atol=2e-4 * size)
 
 
+@pytest.mark.parametrize(("first", "cameras_moved"), [(0, (0, 1, 2)), (2 + 2 * 2, (2,))])
+def test_a_displacement_in_the_images_moves_the_keypoints_of_their_cameras(first, cameras_moved):
+    part, cameras, X = scene(np.random.default_rng(5))
+    none, bias = np.zeros((2, J, Q))
+    bias[1, part.in_body + first :][:2] = (0.02, -0.01)
+    for c in range(C):
+        plain, moved = (project(part, c, cameras, X, b).Y.reshape(3, J, N) for b in (none, bias))
+        expected = np.zeros((3, J, N))
+        if c in cameras_moved:
+            expected[:2, 1] = [[0.02], [-0.01]]
+        np.testing.assert_allclose(moved - plain, expected, atol=1e-12)
+
+
+def test_products_by_blocks_of_columns_are_those_of_all():
+    F = np.random.default_rng(6).normal(size=(J, 5, 3 * _COLUMNS + 7))
+    np.testing.assert_allclose(_outer(F), F @ F.swapaxes(1, 2), rtol=1e-12)
+
+
 def test_joints_that_one_camera_sees_stay():
     part, cameras, X = scene(np.random.default_rng(4))
     part.focal[1:, 1] = 0.0
-    after = follow(part, cameras, X, np.zeros((J, 3, B)), WIDE, 3)
+    after = follow(part, cameras, X, np.zeros((J, Q)), WIDE, 3)
     np.testing.assert_array_equal(after[:, 1], X[:, 1])
     assert not np.array_equal(after[:, 0], X[:, 0])

@@ -9,7 +9,7 @@ import pytest
 from core_helpers import SMALL
 
 from stcalib_ros.core.pipeline import run_stages
-from stcalib_ros.core.refinement.keypoint_bias.harmonics import DEGREE_OF, DEGREES, trunk_of
+from stcalib_ros.core.refinement.keypoint_bias.harmonics import prior_groups, trunk_of
 from stcalib_ros.core.refinement.keypoint_bias.solver import Problem
 from stcalib_ros.core.synthetic import simulate
 
@@ -31,11 +31,12 @@ def test_biases_of_some_millimetres_leave_a_hint(bias_mm, hint):
 
 def test_the_hint_is_the_slope_of_the_marginal_likelihood(small_stages):
     fit, e = at_start(small_stages)
-    precision = np.diag(np.tile(1.0 / fit.variance, 3))
-    S = np.linalg.inv(e.inverse) - precision
+    S = np.linalg.inv(e.inverse) - (1.0 / fit.variance)[:, None, :, None] * np.eye(
+        fit.bias.shape[-1]
+    )
     assert np.allclose(np.diagonal(S, axis1=-2, axis2=-1), e.observed, rtol=1e-4)
-    for degree in DEGREES:
-        mine = np.flatnonzero(np.tile(degree == DEGREE_OF, 3))
+    for group in prior_groups(fit.bias.shape[-1]).T:
+        mine = np.flatnonzero(group)
         system, g = S[..., mine[:, None], mine], e.gradient[..., mine]
         v = 1e-8 / np.abs(system).max()
         inverse = np.linalg.inv(system + np.eye(len(mine)) / v)
