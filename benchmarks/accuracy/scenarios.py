@@ -93,6 +93,30 @@ _LONG_CPU_S = 60.0
 _MOST = KeypointTargets(Fraction(28, 30))
 _ROLLING = SceneOptions(seed=1000, line_time_s=25e-6)
 
+_FORMS = {
+    "constant": "the same in the image for every view",
+    "views": "another one for each camera",
+    "hidden": "joints behind the trunk pulled to the nearer side of it",
+    "foreshortened": "growing as a bone points to the camera",
+    "sizes": "of another size for each person",
+}
+"""Forms of keypoint bias that the model of the calibration does not contain."""
+
+
+def _biased(form: str, title: str) -> Scenario:
+    medians = {"E_R": 0.002}
+    return Scenario(
+        f"bias {form}",
+        f"the default scenes with a keypoint bias of 20 mm, {title}",
+        SceneOptions(seed=2000, keypoint_bias_mm=20.0, keypoint_bias_form=form),
+        30,
+        Fraction(29, 30),
+        medians,
+        keypoints_only=KeypointTargets(Fraction(28, 30), medians),
+        cpu_s=4.0,
+    )
+
+
 SCENARIOS = (
     Scenario(
         "default",
@@ -132,6 +156,7 @@ SCENARIOS = (
         Fraction(13, 15),
         cpu_s=4.0,
     ),
+    *(_biased(form, title) for form, title in _FORMS.items()),
     # In one of them the person repeats a clip exactly and in place: the motion is periodic, the
     # time offset is ambiguous by a period, and refusing is right.
     Scenario(
