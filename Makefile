@@ -13,7 +13,7 @@ ROS := source scripts/activate.sh $(ROS_DISTRO)
 
 help:
 	@echo "make demo     calibrate four real cameras from a recording, with a picture (no ROS needed)"
-	@echo "make level    print the accuracy on simulated scenes and the demo recording"
+	@echo "make level    print the accuracy on simulated scenes and real recordings"
 	@echo "make speed    print CPU seconds, memory and how they grow, beside their targets"
 	@echo "make paper    the paper's experiments, reduced, against the accuracy they had before"
 	@echo "make test     lint and test everything, with real ROS 2 (ROS_DISTRO=jazzy or kilted)"
@@ -27,7 +27,7 @@ demo:
 
 level:
 	@scripts/setup.sh core
-	@.venv/bin/python -m benchmarks.accuracy.level --demo
+	@.venv/bin/python -m benchmarks.accuracy.level --real
 
 speed:
 	@scripts/setup.sh core

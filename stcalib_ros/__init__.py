@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         LensModel,
         Recording,
         Track,
+        keypoints_only,
     )
     from stcalib_ros.core.model.rejection import Rejection, RejectionReason
     from stcalib_ros.core.model.scale_cues import Distance
@@ -83,6 +84,7 @@ __all__ = [
     "camera_from_arrays",
     "evaluate",
     "find_layout",
+    "keypoints_only",
     "read_bag",
     "read_result",
     "run_stages",
@@ -116,6 +118,7 @@ _MODULE_OF = {
     "LensModel": "core.model.recording",
     "Recording": "core.model.recording",
     "Track": "core.model.recording",
+    "keypoints_only": "core.model.recording",
     "Rejection": "core.model.rejection",
     "RejectionReason": "core.model.rejection",
     "Distance": "core.model.scale_cues",

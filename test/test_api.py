@@ -201,14 +201,27 @@ def arrays(**changes: object) -> dict[str, object]:
 def test_poses_are_ordered_by_image_and_scored_by_whether_they_were_detected() -> None:
     keypoints = np.arange(12.0).reshape(2, 3, 2)
     keypoints[0, 1, 0] = np.nan
-    camera = st.camera_from_arrays("left", **arrays(keypoints=keypoints))
+    given = keypoints.copy()
+    given[0, 2] = 0.0  # as some estimators have it
+    keypoints[0, 2] = np.nan
+    camera = st.camera_from_arrays("left", **arrays(keypoints=given))
     (track,) = camera.tracks
     assert (camera.frame_id, track.track_id) == ("left_optical_frame", 7)
     np.testing.assert_array_equal(track.frames, [0, 2])
     np.testing.assert_array_equal(track.keypoints, keypoints[::-1])
     np.testing.assert_array_equal(track.joints[0], np.arange(9.0, 18.0).reshape(3, 3))
-    np.testing.assert_array_equal(track.scores, [[1, 1, 1], [1, 0, 1]])
+    np.testing.assert_array_equal(track.scores, [[1, 1, 1], [1, 0, 0]])
     assert camera.intrinsics.model is st.LensModel.PLUMB_BOB
+
+
+def test_without_3d_poses_the_keypoints_are_given_alone() -> None:
+    flat = arrays()
+    del flat["joints"]
+    (track,) = st.camera_from_arrays("left", **flat).tracks
+    assert (track.joints.shape, bool(np.isnan(track.joints).all())) == ((2, 3, 3), True)
+    np.testing.assert_array_equal(track.keypoints, np.arange(12.0).reshape(2, 3, 2)[::-1])
+    nobody = {"frames": [], "track_ids": [], "keypoints": np.zeros((0, 3, 2)), "joints": None}
+    assert st.camera_from_arrays("left", **arrays(**nobody)).tracks == ()
 
 
 def test_a_camera_that_detects_nobody_has_its_images_and_no_track() -> None:

@@ -345,6 +345,28 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
+    ("arguments", "flat"),
+    [
+        ([], ()),
+        (["--keypoints-only"], ("cam0", "cam1", "cam2")),
+        (["--keypoints-only-of", "cam2", "--keypoints-only-of", "cam0"], ("cam0", "cam2")),
+    ],
+)
+def test_simulate_without_3d_poses(
+    tmp_path: Path, arguments: list[str], flat: tuple[str, ...]
+) -> None:
+    bag = tmp_path / "a.mcap"
+    assert main(["simulate", str(bag), "--n-cameras", "3", "--n-frames", "12", *arguments]) == 0
+    recording = read_bag(bag)
+    assert flat == tuple(
+        camera.name
+        for camera in recording.cameras
+        if not any(np.isfinite(track.joints).any() for track in camera.tracks)
+    )
+    assert all(np.isfinite(t.keypoints).any() for c in recording.cameras for t in c.tracks)
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--n-people", "0"], "n_people must be at least 1, got 0"),
@@ -353,6 +375,10 @@ def test_simulate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--rig", "missing.json"], "cannot read missing.json"),
         (["--rig", TRUTH], "is not a camera rig"),
         (["--missing", "1.5"], "missing must be a fraction"),
+        (
+            ["--n-frames", "5", "--keypoints-only-of", "door"],
+            "--keypoints-only-of door: no such camera; there are cam0, cam1, cam2, cam3",
+        ),
     ],
 )
 def test_simulate_unusable(

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from stcalib_ros.cli import main
+from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
 
 ROOT = Path(__file__).parents[1]
@@ -278,6 +279,14 @@ def refusals() -> list[str]:
 def test_every_code_is_explained_once() -> None:
     codes = [heading for heading in refusals() if heading == heading.upper()]
     assert sorted(codes) == sorted(reason.value for reason in RejectionReason)
+
+
+def test_every_layout_is_listed_with_its_number_of_joints() -> None:
+    page = (ROOT / "docs" / "bag.md").read_text()
+    listed = re.findall(r"^\| `(\w+_\d+\w?)` \| (\d+) \|", page, re.MULTILINE)
+    assert dict(listed) == {name: str(layout.n_joints) for name, layout in LAYOUTS.items()}
+    message = (ROOT / "msg" / "PersonPose3DArray.msg").read_text()
+    assert set(re.findall(r"\b[a-z]\w*_\d+b?\b", message)) == set(LAYOUTS)
 
 
 def test_every_remark_is_explained_once() -> None:

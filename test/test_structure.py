@@ -46,7 +46,6 @@ MIN_LIMIT_DOC = 40
 
 CALLED_FROM_OUTSIDE = {
     "excerpt": "cuts a recording in time: for users, benchmarks and tests",
-    "keypoints_only": "drops the 3D poses: for users, benchmarks and tests",
     "camera_from_arrays": "public interface",
     "propose": "registration as the paper's experiments have it, for benchmarks",
 }

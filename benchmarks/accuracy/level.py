@@ -1,11 +1,13 @@
 """The accuracy that the project promises, in one table.
 
     python -m benchmarks.accuracy.level                    all simulated scenes
-    python -m benchmarks.accuracy.level --demo             and the demo recording
+    python -m benchmarks.accuracy.level --real             and the real recordings
     python -m benchmarks.accuracy.level --only default --scenes 5
+    python -m benchmarks.accuracy.level --poses 2d         without 3D poses
     python -m benchmarks.accuracy.level --hard             200 scenes that must not be wrong
 
-Exit status 1 if a target is missed.
+Every scene is calibrated twice: with its monocular 3D poses, and with its keypoints only. Exit
+status 1 if a target is missed.
 """
 
 from __future__ import annotations
@@ -13,37 +15,20 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from functools import partial
-from pathlib import Path
 
-import numpy as np
+from benchmarks.accuracy.measure import judged, run_calibration, run_scene, run_scenes
+from benchmarks.accuracy.real import DEMO, DEMO_2D, KEYPOINT_CASES, RealCase
+from benchmarks.accuracy.scenarios import HARD, SCENARIOS, Scenario
+from benchmarks.accuracy.summary import Section, real_section, summary, summary_2d
+from benchmarks.table import finite, print_beside
+from stcalib_ros.core.model.recording import keypoints_only
 
-import stcalib_ros
-from benchmarks.accuracy.measure import Run, judged, run_calibration, run_scene, run_scenes
-from benchmarks.accuracy.scenarios import HARD, MAX_CPU_S, MAX_RATIO, SCENARIOS, Scenario
-from benchmarks.table import Row, finite, print_rows
-from stcalib_ros.core.evaluation.metrics import Evaluation, match_quality
-from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.results import read_result
-
-_ERRORS = ("E_R", "E_t", "E_delta")
-_DEMO_FPS = 60.0
-"""Frame rate of the demo recording, Hz."""
-_DEMO_LIMITS = {"E_R": 0.07, "centres m": 0.25, "offset frames": 3.0}
-"""Largest accepted errors of the demo: rad, m, frames; its truth is good to 0.035-0.05 rad."""
-
-
-@dataclass(frozen=True, slots=True)
-class Section:
-    """The figures of one scenario."""
-
-    name: str
-    title: str
-    rows: tuple[Row, ...]
-    notes: tuple[str, ...]
-    runs: tuple[Run, ...]
+_HEADINGS = {"3d": "with 3D poses", "2d": "2D only"}
+_REAL = {"3d": (DEMO,), "2d": (DEMO_2D, *KEYPOINT_CASES)}
+"""Real recordings, by the poses that are used of them."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -55,113 +40,65 @@ def main(argv: Sequence[str] | None = None) -> int:
         0 if all targets are met, else 1.
     """
     args = _arguments(argv)
-    sections = []
+    poses = tuple(_HEADINGS) if args.poses == "both" else (args.poses,)
+    sections: list[Section] = []
     for scenario in HARD if args.hard else SCENARIOS:
-        if args.only in (None, scenario.name):
-            n_scenes = args.scenes or scenario.n_scenes
-            task = partial(run_scene, scenario)
-            runs = run_scenes(task, n_scenes, title=scenario.name, jobs=args.jobs)
-            earlier = next((s.runs for s in sections if s.name == scenario.beside), ())
-            sections.append(summary(scenario, runs, earlier))
-            _print(sections[-1], as_json=args.json)
-    if args.demo or args.only == "demo":
-        sections.append(demo())
-        _print(sections[-1], as_json=args.json)
+        if args.only is None or scenario.name in args.only:
+            found = _simulated(scenario, poses, args, sections)
+            _print(found, as_json=args.json)
+            sections += found
+    for name in dict.fromkeys(case.name for p in poses for case in _REAL[p]):
+        if args.real or name in (args.only or ()):
+            cases = [(case, p) for p in poses for case in _REAL[p] if case.name == name]
+            found = [real(case, p) for case, p in cases]
+            _print(found, as_json=args.json)
+            sections += found
     if args.json:
         print(json.dumps(finite([asdict(s) for s in sections]), indent=2))
     return 0 if all(row.met is not False for s in sections for row in s.rows) else 1
 
 
-def summary(scenario: Scenario, runs: Sequence[Run], clean: Sequence[Run] = ()) -> Section:
-    """Summarize the figures of the scenes of a scenario beside their targets.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    runs : sequence of Run
-    clean : sequence of Run
-        Runs of the easier scenario of the same seeds, if any.
-    """
-    n = len(runs)
-    solved, wrong = sum(not run.failure for run in runs), sum(run.wrong for run in runs)
-    needed = n - int((1 - scenario.success) * n)
-    good, target = (n - wrong, "or refused") if scenario.may_refuse else (solved, "")
-    rows = [
-        Row("solved", f"{solved} of {n}", f">= {needed} {target}".rstrip(), good >= needed),
-        Row("wrong, but OK", f"{wrong}", "0", wrong == 0),
-    ]
-    for name in _ERRORS:
-        values = _errors(runs, name)
-        limits = {"median": scenario.medians.get(name), "p90": scenario.p90.get(name)}
-        rows.append(_distribution(name, values, limits))
-        if clean and (usual := float(np.median(_errors(clean[:n], name)))) > 0.0:
-            ratio = float(np.median(values)) / usual
-            rows.append(_single(f"{name} / {scenario.beside}", ratio, MAX_RATIO))
-    precision = [r.evaluation.precision if r.evaluation else 0.0 for r in runs]
-    rows.append(Row("precision", f"median {np.median(precision):.3f}", "", None))
-    rows.append(_distribution("CPU s", [r.cpu_s for r in runs], {"max": MAX_CPU_S}))
-    notes = tuple(f"seed {run.seed}: {run.failure}" for run in runs if run.failure)
-    return Section(scenario.name, scenario.title, tuple(rows), notes, tuple(runs))
+def real(case: RealCase, poses: str) -> Section:
+    """Calibrate a real recording, with its "3d" poses or with "2d" ones only."""
+    recording, truth = case.read()
+    outcome = run_calibration(recording if poses == "3d" else keypoints_only(recording))
+    run = judged(outcome, truth, name=case.name, seed=0, fps=case.fps, bounds={})
+    return replace(real_section(case, truth, outcome, run), poses=poses)
 
 
-def demo() -> Section:
-    """Return the figures of the demo recording."""
-    folder = Path(stcalib_ros.__file__).parent / "data" / "demo"
-    truth = read_result(folder / "balance_truth.yaml")
-    outcome = run_calibration(read_bag(folder / "balance.mcap"))
-    run = judged(outcome, truth, name="demo", seed=0, fps=_DEMO_FPS, bounds={})
-    rows: tuple[Row, ...] = (Row("solved", "no" if run.failure else "yes", "yes", not run.failure),)
-    if run.evaluation is not None and outcome.calibration is not None:
-        seen_by_all = [p for p in truth.persons if len(p.tracks) == len(truth.cameras)]
-        names = [camera.name for camera in truth.cameras]
-        _, _, found = match_quality(outcome.calibration.persons, seen_by_all, names)
-        rows += _demo_rows(run, run.evaluation, found)
-    notes = (run.failure,) if run.failure else ()
-    return Section("demo", "four real cameras, BlazePose, clocks shifted", rows, notes, (run,))
-
-
-def _demo_rows(run: Run, errors: Evaluation, found: float) -> tuple[Row, ...]:
-    offset = max(abs(camera.offset_frames) for camera in errors.cameras)
-    return (
-        _single("E_R", errors.E_R, _DEMO_LIMITS["E_R"]),
-        _single("E_t", errors.E_t, None),
-        _single("centres m", errors.centre_max, _DEMO_LIMITS["centres m"]),
-        _single("offset frames", offset, _DEMO_LIMITS["offset frames"]),
-        Row("precision", f"{errors.precision:.3f}", "1", errors.precision == 1),
-        Row("people found", f"{found:.3f} of matches", "1", found == 1),
-        _single("CPU s", run.cpu_s, MAX_CPU_S),
-    )
-
-
-def _errors(runs: Sequence[Run], name: str) -> list[float]:
-    """Return one error of every scene; infinite where there is no calibration."""
-    return [getattr(r.evaluation, name) if r.evaluation else np.inf for r in runs]
-
-
-def _distribution(name: str, values: Sequence[float], limits: Mapping[str, float | None]) -> Row:
-    figures = {
-        "median": float(np.median(values)),
-        "p90": float(np.percentile(values, 90, method="nearest")),
-        "max": float(np.max(values)),
+def _simulated(
+    scenario: Scenario,
+    poses: Sequence[str],
+    args: argparse.Namespace,
+    earlier: Sequence[Section],
+) -> list[Section]:
+    """Run the scenes of a scenario with each kind of poses."""
+    runs = {
+        kind: run_scenes(
+            partial(run_scene, scenario, poses=kind),
+            args.scenes or scenario.n_scenes,
+            title=f"{scenario.name}, {kind}",
+            jobs=args.jobs,
+        )
+        for kind in poses
     }
-    text = "  ".join(f"{key} {value:.3g}" for key, value in figures.items())
-    given = {key: limit for key, limit in limits.items() if limit is not None}
-    target = ", ".join(f"{key} <= {limit:g}" for key, limit in given.items())
-    met = all(figures[key] <= limit for key, limit in given.items()) if given else None
-    return Row(name, text, target, met)
+    clean = {section.poses: section.runs for section in earlier if section.name == scenario.beside}
+    found = []
+    if "3d" in runs:
+        found.append(summary(scenario, runs["3d"], clean.get("3d", ())))
+    if "2d" in runs:
+        with_3d = runs.get("3d", ())
+        found.append(summary_2d(scenario, runs["2d"], clean.get("2d", ()), with_3d))
+    return found
 
 
-def _single(name: str, value: float, limit: float | None) -> Row:
-    if limit is None:
-        return Row(name, f"{value:.3g}", "", None)
-    return Row(name, f"{value:.3g}", f"<= {limit:g}", value <= limit)
-
-
-def _print(section: Section, *, as_json: bool) -> None:
+def _print(sections: Sequence[Section], *, as_json: bool) -> None:
     out = sys.stderr if as_json else sys.stdout
-    print_rows(f"{section.name}: {section.title}", section.rows, file=out)
-    for note in section.notes:
-        print(f"  not solved: {note}", file=out, flush=True)
+    columns = [(_HEADINGS[section.poses], section.rows) for section in sections]
+    print_beside(f"{sections[0].name}: {sections[0].title}", columns, file=out)
+    for section in sections:
+        for note in section.notes:
+            print(f"  not solved, {_HEADINGS[section.poses]}: {note}", file=out, flush=True)
 
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -170,12 +107,18 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     names = [scenario.name for scenario in (*SCENARIOS, *HARD)]
-    parser.add_argument("--only", choices=[*names, "demo"], help="one scenario")
+    names += [case.name for case in _REAL["2d"]]
+    parser.add_argument(
+        "--only", choices=names, nargs="+", help="these scenarios and real recordings"
+    )
     parser.add_argument("--scenes", type=int, metavar="N", help="number of scenes of each scenario")
+    parser.add_argument(
+        "--poses", choices=[*_HEADINGS, "both"], default="both", help="default both"
+    )
     parser.add_argument(
         "--hard", action="store_true", help="instead: scenes that may be refused but not be wrong"
     )
-    parser.add_argument("--demo", action="store_true", help="the demo recording as well")
+    parser.add_argument("--real", action="store_true", help="the real recordings as well")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default 1)")
     parser.add_argument("--json", action="store_true", help="every run as JSON on stdout")
     return parser.parse_args(argv)

@@ -43,6 +43,7 @@ _TOGETHER = {
     "min_explained_fraction": (
         "certain_rotation_stddev",
         "certain_bone_rotation",
+        "certain_limb_variation",
         "certain_offset_peak_ratio",
     ),
     "min_explained_fraction_if_short": ("min_shared_s",),
@@ -84,7 +85,8 @@ class Replay:
     without : Count or None
         Without the limit; None where it only makes an exception from another one.
     alone : Count or None
-        With this limit only, and those of the same rule.
+        With this limit only, and those of the same rule; without solutions that no limit is needed
+        to refuse: look-alikes, infinite standard deviations.
     """
 
     limit: str
@@ -157,8 +159,13 @@ def _only(limit: str) -> CheckThresholds:
 
 
 def _by_checks(rows: Iterable[Row]) -> list[Row]:
-    """Rows that count as refused by their checks alone."""
-    return [replace(row, refused_otherwise=False) for row in rows]
+    """Rows that count as refused by their limits alone."""
+    without = _only("")
+    return [
+        replace(row, refused_otherwise=False)
+        for row in rows
+        if all(rejection(checks, without) is None for checks in row.checks)
+    ]
 
 
 def print_table(table: Table) -> None:

@@ -13,7 +13,7 @@ from benchmarks.accuracy.scenarios import SUCCESS, Scenario
 from stcalib_ros.core.errors import StcalibError
 from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
 from stcalib_ros.core.model.calibration import Calibration, Status
-from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.recording import Recording, keypoints_only
 from stcalib_ros.core.model.rolling_shutter import with_known_line_times
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import calibrate
@@ -57,6 +57,8 @@ class Run:
         Reason why the scene is not solved; empty if it is.
     wrong : bool
         Whether the status is OK although the errors exceed the targets.
+    codes : tuple of str
+        Codes of the reasons for a rejection, of the calibration and of single cameras.
     """
 
     scenario: str
@@ -65,18 +67,24 @@ class Run:
     evaluation: Evaluation | None
     failure: str
     wrong: bool = False
+    codes: tuple[str, ...] = ()
 
 
-def run_scene(scenario: Scenario, index: int) -> Run:
-    """Simulate and calibrate one scene of a scenario."""
+def run_scene(scenario: Scenario, index: int, poses: str = "3d") -> Run:
+    """Simulate and calibrate one scene of a scenario, with "3d" poses or with "2d" ones only."""
     options = scenario.scene_options(index)
     scene = simulate(options, clips=shipped_clips())
-    recording = scene.recording
+    if scenario.alter is not None:
+        scene = scenario.alter(scene)
+    recording = scene.recording if poses == "3d" else keypoints_only(scene.recording)
     if scenario.line_times == "given":
         true = {camera.name: camera.line_time_s for camera in scene.truth.cameras}
         recording = with_known_line_times(recording, true)
-    estimate = Options(estimate_line_time=scenario.line_times == "estimated")
-    outcome = run_calibration(recording, estimate)
+    given = Options(
+        offset_range_s=scenario.offset_range_s,
+        estimate_line_time=scenario.line_times == "estimated",
+    )
+    outcome = run_calibration(recording, given)
     fps = options.rates(options.n_cameras)[0]
     return judged(outcome, scene.truth, name=scenario.name, seed=options.seed, fps=fps)
 
@@ -104,17 +112,19 @@ def judged(
     found = outcome.calibration
     if found is None:
         return Run(name, seed, outcome.cpu_s, None, outcome.refusal)
+    codes = tuple(dict.fromkeys(rejection.reason.value for rejection in found.reasons))
     try:
         evaluation = evaluate(found, truth, fps=fps)
     except StcalibError as error:
-        return Run(name, seed, outcome.cpu_s, None, f"{error} ({found.message})")
+        failure = f"{error} ({found.message})" if found.cameras else found.message
+        return Run(name, seed, outcome.cpu_s, None, failure, codes=codes)
     wrong = [] if found.status is Status.OK else [f"{found.status.name}: {found.message}"]
     reasons = {camera.name: camera.reason for camera in found.uncalibrated}
     wrong += [f"{camera}: {reasons.get(camera, 'missing')}" for camera in evaluation.missing]
     values = {error: getattr(evaluation, error) for error in bounds}
     off = [f"{n} {v:.3g}" for n, v in values.items() if not v <= bounds[n]]
     is_wrong = found.status is Status.OK and bool(off)
-    return Run(name, seed, outcome.cpu_s, evaluation, ", ".join(wrong + off), is_wrong)
+    return Run(name, seed, outcome.cpu_s, evaluation, ", ".join(wrong + off), is_wrong, codes)
 
 
 def run_scenes(task: Callable[[int], _T], n: int, *, title: str, jobs: int) -> list[_T]:

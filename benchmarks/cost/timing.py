@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.accuracy.scenarios import SUCCESS
 from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.model.calibration import Calibration, Status
-from stcalib_ros.core.model.recording import Recording, Track
+from stcalib_ros.core.model.recording import Recording, Track, keypoints_only
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.synthetic import SceneOptions, simulate
@@ -77,17 +77,24 @@ class StageClock:
         self._stage, self._since = stage, now
 
 
-def in_own_process(scene: SceneOptions, options: Options) -> Timing:
+def in_own_process(scene: SceneOptions, options: Options, *, without_3d: bool = False) -> Timing:
     """Calibrate a simulated scene in a new process, on one thread.
 
     Another process simulates the scene, so that its memory does not count.
+
+    Parameters
+    ----------
+    scene : SceneOptions
+    options : Options
+    without_3d : bool
+        Give the calibration the keypoints only.
     """
     for name in _THREADS:
         os.environ[name] = "1"
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.pickle"
         _alone(write_scene, scene, path)
-        return _alone(timed, path, options)
+        return _alone(timed, path, options, without_3d)
 
 
 def _alone(function: Callable[..., _T], *arguments: object) -> _T:
@@ -113,10 +120,12 @@ def as_sent(recording: Recording) -> Recording:
     return replace(recording, cameras=tuple(cameras))
 
 
-def timed(path: Path, options: Options) -> Timing:
+def timed(path: Path, options: Options, without_3d: bool) -> Timing:
     """Calibrate what `write_scene` wrote, in this process."""
     with path.open("rb") as file:
         recording, truth = pickle.load(file)
+    if without_3d:
+        recording = keypoints_only(recording)
     before = resident_mb("VmRSS")
     clock = StageClock()
     found = run_stages(recording, options, progress=clock).calibration

@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.paper.run import Row, figures
 
 BASELINE = Path(__file__).parent / "baseline.json"
-METHODS = ("default", "paper")
+METHODS = ("default", "2D only", "paper")
 """Gated are rows of methods whose name begins so; the others are there to be compared with."""
 
 GATED = ("E_R", "E_t", "E_delta", "precision")

@@ -17,9 +17,11 @@ from benchmarks.paper.scenes import (
     OFFSET_FRAMES,
     SCENES,
     SEARCH_FRAMES,
+    TWO_D,
     late,
     lifted_scene,
     scene_named,
+    seen_by,
 )
 from benchmarks.paper.sfm import SfmFailure
 from benchmarks.paper.vo import calibrate_vo
@@ -36,6 +38,9 @@ from stcalib_ros.io.convert import ConvertOptions, convert_npz
 TABLE_I = ("160906_pizza1", "soccer1_6", "industry_safety_2")
 TABLE_II = tuple(scene.name for scene in SCENES)
 SEARCH_S = SEARCH_FRAMES / FPS
+_REGISTRATION = {"default": "correlation", TWO_D: "correlation", "paper": "vmf"}
+"""Registration of our methods; all others are baselines."""
+
 BALANCE = DATA / "pose2sim_balance" / "balance_multi_blazepose.npz"
 BALANCE_SHIFTS_S = {"cam02": 0.317, "cam03": -0.21, "cam04": 0.143}
 _BALANCE_RANGE_S = 1.0
@@ -55,7 +60,7 @@ def options_of(method: str, T: int, *, range_s: float, search_offsets: bool = Tr
 
 def table1_tasks(n_trials: int, scenes: Sequence[str] = TABLE_I) -> list[Task]:
     """Table I: synchronised clips, every method, rows PR, MI, BA, IBA."""
-    return _tasks(table1_rows, scenes, ("default", "paper", *BASELINES), n_trials)
+    return _tasks(table1_rows, scenes, (*_REGISTRATION, *BASELINES), n_trials)
 
 
 def table1_rows(name: str, method: str, trial: int) -> list[Row]:
@@ -64,14 +69,14 @@ def table1_rows(name: str, method: str, trial: int) -> list[Row]:
     made = lifted_scene(scene, trial=trial)
     if method in BASELINES:
         return _baseline_rows(name, method, trial, made.recording, made.truth, scene.T)
-    found = {"default": "correlation", "paper": "vmf"}[method]
-    options = replace(options_of(found, scene.T, range_s=0.0), seed=trial)
-    return stage_rows(name, method, trial, made.recording, made.truth, options, fps=FPS)
+    options = replace(options_of(_REGISTRATION[method], scene.T, range_s=0.0), seed=trial)
+    recording = seen_by(method, made.recording)
+    return stage_rows(name, method, trial, recording, made.truth, options, fps=FPS)
 
 
 def table2_tasks(n_trials: int, scenes: Sequence[str] = TABLE_II) -> list[Task]:
     """Table II: clocks late by five frames, every scene, rows STBA and ISTBA."""
-    methods = ("default", "paper", "paper, offsets by STBA alone", "Vo et al.")
+    methods = (*_REGISTRATION, "paper, offsets by STBA alone", "Vo et al.")
     return _tasks(table2_rows, scenes, methods, n_trials)
 
 
@@ -108,12 +113,13 @@ def table2_rows(name: str, method: str, trial: int) -> list[Row]:
         cpu_s = time.process_time() - began
         return [row(name, method, "STBA", trial, None, cpu_s=cpu_s, **more)]
     options = options_of(
-        "correlation" if method == "default" else "vmf",
+        _REGISTRATION.get(method, "vmf"),
         scene.T,
         range_s=SEARCH_S,
         search_offsets=method != "paper, offsets by STBA alone",
     )
     options = replace(options, seed=trial)
+    recording = seen_by(method, recording)
     return stage_rows(name, method, trial, recording, truth, options, fps=FPS)
 
 
@@ -185,7 +191,7 @@ def real_tasks() -> list[Task]:
     """The real recordings of the data folder, those that are there."""
     tasks = []
     if BALANCE.is_file():
-        methods = ("default", "paper", *BASELINES)
+        methods = (*_REGISTRATION, *BASELINES)
         tasks += [Task(f"balance {m}", balance_rows, (m,)) for m in methods]
     return tasks
 
@@ -201,9 +207,9 @@ def balance_rows(method: str) -> list[Row]:
         made = convert_npz(path)
         return _baseline_rows(name, method, 0, made.recording, made.truth, 15)
     made = convert_npz(path, ConvertOptions(BALANCE_SHIFTS_S))
-    found = {"default": "correlation", "paper": "vmf"}[method]
-    options = options_of(found, 15, range_s=_BALANCE_RANGE_S)
+    options = options_of(_REGISTRATION[method], 15, range_s=_BALANCE_RANGE_S)
+    recording = seen_by(method, made.recording)
     try:
-        return stage_rows(name, method, 0, made.recording, made.truth, options, fps=_BALANCE_FPS)
+        return stage_rows(name, method, 0, recording, made.truth, options, fps=_BALANCE_FPS)
     except InputError as error:
         return [row(name, method, "ISTBA", 0, None, failure=str(error))]

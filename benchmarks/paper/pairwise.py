@@ -16,9 +16,11 @@ from benchmarks.paper.scenes import (
     REDUCED,
     SCENES,
     SEARCH_FRAMES,
+    TWO_D,
     ULTIMATUM,
     PaperScene,
     scene_named,
+    seen_by,
     window_starts,
 )
 from benchmarks.paper.windows import register_on_windows
@@ -37,6 +39,8 @@ N_FRAMES = 300
 """Frames of a clip."""
 STEP = 5
 """The full clip: windows one after the other."""
+
+OURS = ("default", TWO_D)
 
 TABLE_III = ("170915_toddler5", "160422_ultimatum1", "160906_pizza1")
 _NAMES = {s.seed: s.name for s in (*SCENES, ULTIMATUM, REDUCED)}
@@ -108,7 +112,8 @@ def noise_rows(name: str, sigma_px: float, trial: int, n_initial: int) -> list[R
     single = [starts[trial % N_WINDOWS]]
     rows = []
     for label, windows in (("windows", starts), ("one window", single)):
-        rows += _registered(scene, "default", label, windows, trial, sigma=sigma_px)
+        for ours in OURS:
+            rows += _registered(scene, ours, label, windows, trial, sigma=sigma_px)
         for k in range(n_initial):
             rows += _registered(
                 scene,
@@ -144,7 +149,8 @@ def table3_rows(name: str, trial: int) -> list[Row]:
     single = [starts[trial % N_WINDOWS]]
     rows = []
     for label, windows in (("windows", starts), ("one window", single)):
-        rows += _registered(scene, "default", label, windows, trial, search=SEARCH_FRAMES)
+        for ours in OURS:
+            rows += _registered(scene, ours, label, windows, trial, search=SEARCH_FRAMES)
         for ransac in (False, True):
             method = "paper w/ RANSAC" if ransac else "paper w/o RANSAC"
             rows += _registered(
@@ -169,7 +175,7 @@ def protocol_rows(trial: int, n_single: int) -> list[Row]:
     scene = paper_scene(options, offset_frames=float(OFFSET_FRAMES), clips=shipped_clips())
     pair = list(combinations(range(4), 2))[trial % 6]
     rows = []
-    for method in ("default", "paper"):
+    for method in (*OURS, "paper"):
         rows += _registered(
             scene,
             method,
@@ -180,7 +186,7 @@ def protocol_rows(trial: int, n_single: int) -> list[Row]:
             pairs=[pair],
         )
     for start in inside_windows(n_single):
-        for method in ("default", "paper"):
+        for method in (*OURS, "paper"):
             rows += _registered(
                 scene, method, "one window", [start], trial, search=SEARCH_FRAMES, pairs=[pair]
             )
@@ -203,10 +209,9 @@ def _registered(
     sigma: float | None = None,
 ) -> list[Row]:
     """Rows of the pairs of a scene by the default or the paper's method."""
-    ours = method == "default"
-    name = "correlation" if ours else "vmf"
+    name = "correlation" if method in OURS else "vmf"
     options = method_options(name, ransac=ransac, n_starts=n_starts, gate_rad=gate_rad)
-    views = lift_views(scene.recording, options)
+    views = lift_views(seen_by(method, scene.recording), options)
     rows = []
     for a, b in pairs or combinations(range(len(views.lifted)), 2):
         began = time.process_time()

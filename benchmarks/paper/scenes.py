@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from stcalib_ros.core.model.calibration import Calibration
-from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.recording import Recording, keypoints_only
 from stcalib_ros.core.synthetic import MotionClip, Scene, SceneOptions, SceneRig, simulate
 from stcalib_ros.io.mocap import read_clip, shipped_clips
 from stcalib_ros.io.rigs import read_rig
@@ -171,6 +171,15 @@ def lifted_scene(
         seed=1000 * trial + scene.seed,
     )
     return simulate(options, clips=scene.clips)
+
+
+TWO_D = "2D only"
+"""Name of the default method without the monocular 3D poses."""
+
+
+def seen_by(method: str, recording: Recording) -> Recording:
+    """What a method is given of a recording."""
+    return keypoints_only(recording) if method == TWO_D else recording
 
 
 def late(

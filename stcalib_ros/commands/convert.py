@@ -11,8 +11,8 @@ from stcalib_ros.io.convert import Converted, ConvertOptions, convert_arrays, co
 from stcalib_ros.io.datasets import DATASETS, DatasetOptions, read_dataset
 
 DESCRIPTION = """\
-Make a bag, and its true values, from a multi-view .npz file with detected 2D and 3D poses, or from
-a data set in its official layout.
+Make a bag, and its true values, from a multi-view .npz file with detected poses, or from a data set
+in its official layout.
 
   stcalib convert balance.npz balance.mcap --truth balance_truth.yaml --offset cam02=0.317
   stcalib convert 160906_pizza1 pizza.mcap --format panoptic --cameras 2,12,21,28 --truth t.yaml
@@ -23,7 +23,8 @@ Data sets (--format)
   easymocap    the folder of a scene (ZJU-MoCap): intri.yml, extri.yml, annots/, keypoints3d/
   mmptrack     the folder of a scene's labels, with ../../../calibrations beside it
 The poses are those in --poses (POSES/CAMERA/alphapose-results.json of AlphaPose with tracking and
-POSES/CAMERA/IDX/X3D.npy of MotionBERT), or the true joints with noise (--sigma-px).
+POSES/CAMERA/IDX/X3D.npy of MotionBERT; without the latter, 2D only), or the true joints with noise
+(--sigma-px).
 
 An .npz file has the arrays
   camera_names, image_size, K, dist, R, t    x_cam = R x_world + t
@@ -31,7 +32,7 @@ An .npz file has the arrays
   det_frame, det_camera, det_track           detections: indices, and the camera's own track id
   det_person                                 who it truly is; -1: unknown
   det_kp2d, kp_names                         x, y, score; 0, 0, 0: not detected
-  det_kp3d, kp3d_names                       monocular 3D pose, metres, camera axes
+  det_kp3d, kp3d_names                       monocular 3D pose, metres, camera axes; may be missing
 """
 
 
@@ -81,7 +82,9 @@ def _add_dataset_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--frames", type=_frame_range, metavar="FIRST:LAST", help="frames by the data set's numbers"
     )
-    group.add_argument("--poses", type=Path, metavar="DIR", help="poses of AlphaPose, MotionBERT")
+    group.add_argument(
+        "--poses", type=Path, metavar="DIR", help="poses of AlphaPose, and of MotionBERT"
+    )
     group.add_argument(
         "--sigma-px", type=float, metavar="PX", help="noise of the true joints (default: 3)"
     )

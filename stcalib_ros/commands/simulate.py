@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from stcalib_ros.commands.bag_and_truth import add_output_arguments, require_outputs, write_outputs
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.recording import Recording, keypoints_only
 from stcalib_ros.core.synthetic import BIAS_FORMS, PEOPLE, SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.rigs import read_rig
@@ -17,6 +19,7 @@ Make a bag of people who walk about, observed by cameras, detectors, lifters and
 and its true values.
 
   stcalib simulate scene.mcap --truth scene_truth.yaml --n-cameras 6 --seed 3
+  stcalib simulate flat.mcap --truth flat_truth.yaml --keypoints-only
 """
 
 _HELP = {
@@ -57,6 +60,17 @@ _HELP = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command: one for every field of `SceneOptions`."""
     add_output_arguments(parser)
+    parser.add_argument(
+        "--keypoints-only",
+        action="store_true",
+        help="no camera has 3D poses, as with 2D estimators",
+    )
+    parser.add_argument(
+        "--keypoints-only-of",
+        action="append",
+        metavar="CAM",
+        help="this camera has no 3D poses; may be repeated",
+    )
     for field in fields(SceneOptions):
         flag = f"--{field.name.replace('_', '-')}"
         text = _HELP[field.name]
@@ -78,7 +92,19 @@ def run(args: argparse.Namespace) -> None:
     """
     require_outputs(args)
     scene = simulate(scene_options(args), clips=shipped_clips())
-    write_outputs(args, scene.recording, scene.truth)
+    write_outputs(args, _given_poses(scene.recording, args), scene.truth)
+
+
+def _given_poses(recording: Recording, args: argparse.Namespace) -> Recording:
+    """Return the recording without the 3D poses that are not wanted."""
+    if args.keypoints_only:
+        return keypoints_only(recording)
+    names, wanted = [camera.name for camera in recording.cameras], args.keypoints_only_of or []
+    if unknown := [name for name in wanted if name not in names]:
+        raise InputError(
+            f"--keypoints-only-of {unknown[0]}: no such camera; there are {', '.join(names)}"
+        )
+    return keypoints_only(recording, wanted)
 
 
 def scene_options(args: argparse.Namespace) -> SceneOptions:

@@ -8,13 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import replace
 
 from stcalib_ros.core.control import Control, Progress
 from stcalib_ros.core.integration.exclusions import Exclusions, largest_group
 from stcalib_ros.core.lifting.input_checks import Selection, require_usable, select_cameras
+from stcalib_ros.core.lifting.keypoint_checks import (
+    keypoint_faults,
+    keypoint_remarks,
+    without_people,
+)
 from stcalib_ros.core.lifting.views import LiftedViews, lift_views
 from stcalib_ros.core.methods import METHODS
-from stcalib_ros.core.model.calibration import Calibration, Insufficient
+from stcalib_ros.core.model.calibration import Calibration, Insufficient, Status
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
@@ -110,11 +116,12 @@ def run_stages(
     method = METHODS[options.registration.method]
 
     control.tick("lift", 0.0)
-    views = lift_views(recording, options)
+    faults = keypoint_faults(recording, min_score=options.min_score)
+    views = lift_views(without_people(recording, faults), options)
     hypotheses: tuple[RelativePose, ...] = ()
     rigs: tuple[Rig, ...] = ()
     try:
-        selection = select_cameras(views.lifted, reference, options)
+        selection = select_cameras(views.lifted, reference, options, faults)
         problem = _problem(views, selection, options, control, executor)
         pairs = method.register(problem)
         hypotheses = pairs.hypotheses
@@ -165,6 +172,9 @@ def _judged(
         recording, views.lifted, views.skeleton, solution.last, solution.covariance, options
     )
     judgement = judge(views.lifted, views.skeleton, solution, alignment.rejection)
+    left_out = keypoint_remarks(recording, min_score=options.min_score)
+    if judgement.status is Status.OK:
+        judgement = replace(judgement, remarks=(*judgement.remarks, *left_out))
     calibration = make_calibration(
         recording,
         views.lifted,

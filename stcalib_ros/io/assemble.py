@@ -10,8 +10,15 @@ import numpy as np
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
-from stcalib_ros.core.model.recording import CameraRecording, Recording, Track
-from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage, format_stamp, lens
+from stcalib_ros.core.model.recording import CameraRecording, Recording, Track, unknown_joints
+from stcalib_ros.io.messages import (
+    NS,
+    CameraInfoFields,
+    Float32Array,
+    PoseImage,
+    format_stamp,
+    lens,
+)
 
 Warn = Callable[[str], None]
 
@@ -131,30 +138,40 @@ def _tracks(topic: str, images: Sequence[PoseImage], warn: Warn) -> tuple[Track,
         )
     order = order[np.concatenate([[True], ~same])]
     keypoints = np.concatenate([image.keypoints for image in images])
-    joints = np.concatenate([image.joints for image in images])
+    joints = _joints(images)
     joint_scores = np.concatenate([image.joint_scores for image in images])
     starts = np.flatnonzero(np.diff(ids[order])) + 1
     return tuple(
-        Track(int(ids[rows[0]]), frames[rows], keypoints[rows], joints[rows], joint_scores[rows])
+        Track(
+            int(ids[rows[0]]),
+            frames[rows],
+            points := keypoints[rows],
+            unknown_joints(points) if joints is None else joints[rows],
+            joint_scores[rows],
+        )
         for rows in np.split(order, starts)
     )
 
 
+def _joints(images: Sequence[PoseImage]) -> Float32Array | None:
+    """Return the 3D poses of all persons; None if nobody has one."""
+    if all(image.joints is None for image in images):
+        return None
+    return np.concatenate(
+        [unknown_joints(i.keypoints) if i.joints is None else i.joints for i in images]
+    )
+
+
 def _require_observations(recording: Recording, warn: Warn) -> None:
-    """Say so if everything that one camera, or every camera, reports is NaN or infinite."""
-    blind = []
-    for camera in recording.cameras:
-        for what in ("keypoints", "joints"):
-            arrays = [getattr(track, what) for track in camera.tracks]
-            if arrays and not any(np.isfinite(a).any() for a in arrays):
-                blind.append((camera.name, what))
-    for name, what in blind:
-        warn(f"camera {name}: all {what} of all persons are NaN or infinite")
-    seeing = {c.name for c in recording.cameras if c.tracks} - {name for name, _ in blind}
-    if blind and not seeing:
+    """Say so if one camera, or every camera, has persons and not a single keypoint of them."""
+    seeing = [camera for camera in recording.cameras if camera.tracks]
+    blind = [c.name for c in seeing if not any(np.isfinite(t.keypoints).any() for t in c.tracks)]
+    for name in blind:
+        warn(f"camera {name}: all keypoints of all persons are NaN, infinite or (0, 0)")
+    if blind and len(blind) == len(seeing):
         raise InputError(
-            f"all {blind[0][1]} of all persons are NaN or infinite in every camera "
-            f"({', '.join(sorted({name for name, _ in blind}))}); check the pose estimator's output"
+            "all keypoints of all persons are NaN, infinite or (0, 0) in every camera "
+            f"({', '.join(sorted(blind))}); check the pose estimator's output"
         )
 
 

@@ -176,7 +176,7 @@ def _poses_data(camera: CameraRecording, stamp_ns: int, persons: list[tuple[Trac
     for track, row in persons:
         cdr.uint32(track.track_id)
         cdr.float32(float(track.scores[row].mean()))
-        cdr.float32s(track.joints[row])
+        cdr.float32s(track.joints[row] if np.isfinite(track.joints[row]).any() else ())
         cdr.float32s(track.keypoints[row])
         cdr.float32s(track.scores[row])
     return cdr.data()

@@ -26,6 +26,7 @@ from stcalib_ros.core.model.recording import (
     CameraRecording,
     Recording,
     Track,
+    unknown_joints,
 )
 from stcalib_ros.io.lens_model import opencv_intrinsics
 from stcalib_ros.io.messages import NS
@@ -73,15 +74,16 @@ def convert_npz(path: Path | str, options: ConvertOptions | None = None) -> Conv
 
     Needed are the arrays ``camera_names, image_size, K, dist, R, t`` (``x_cam = R x_world + t``),
     ``fps``, ``frame_number``, and for each detection ``det_frame, det_camera, det_track,
-    det_person`` (-1: unknown), ``det_kp2d`` (x, y, score; 0, 0, 0: not detected) and ``det_kp3d``
-    (monocular pose in metres, camera axes) with their joint names ``kp_names``, ``kp3d_names``.
+    det_person`` (-1: unknown) and ``det_kp2d`` (x, y, score; 0, 0, 0: not detected) with the joint
+    names ``kp_names``. With ``det_kp3d`` (monocular poses in metres, camera axes; NaN: unknown) go
+    their joint names, ``kp3d_names``.
 
     Every camera has an image at every frame; no frame is cut. The reference is the first camera.
 
     Raises
     ------
     InputError
-        The file cannot be read, lacks an array or has no 3D poses, or an option does not fit it.
+        The file cannot be read or lacks an array, or an option does not fit it.
     """
     path = Path(path)
     return convert_arrays(path, _load(path), options)
@@ -127,7 +129,7 @@ def convert_arrays(path: Path, arrays: Arrays, options: ConvertOptions | None = 
             layout=layout,
             stamps=(start_ns + true_ns + round(shifts[c] * NS)) / NS,
             tracks=_tracks(arrays, c),
-            metric=bool(arrays.get("metric", True)),
+            metric="det_kp3d" in arrays and bool(arrays.get("metric", True)),
         )
         for c, name in enumerate(names)
     )
@@ -150,11 +152,6 @@ def _load(path: Path) -> dict[str, NDArray[Any]]:
         raise InputError(f"{path} is not a readable .npz file: {error}") from error
     if missing := [name for name in _NEEDED if name not in arrays]:
         raise InputError(f"{path} is not a multi-view file: it lacks {', '.join(missing)}")
-    if "det_kp3d" not in arrays:
-        raise InputError(
-            f"{path} has no 3D poses (det_kp3d): the calibration needs the monocular 3D pose of "
-            "every detection; run a lifter on its 2D poses first"
-        )
     return arrays
 
 
@@ -164,7 +161,8 @@ def _require_shapes(path: Path, arrays: Arrays) -> None:
     N, J = len(arrays["det_frame"]), len(arrays["kp_names"])
     shapes = {"image_size": (C, 2), "K": (C, 3, 3), "R": (C, 3, 3), "t": (C, 3)}
     shapes |= dict.fromkeys(("det_frame", "det_camera", "det_track", "det_person"), (N,))
-    shapes |= dict.fromkeys(("det_kp2d", "det_kp3d"), (N, J, 3))
+    poses = [name for name in ("det_kp2d", "det_kp3d") if name in arrays]
+    shapes |= dict.fromkeys(poses, (N, J, 3))
     for name, shape in shapes.items():
         if arrays[name].shape != shape:
             raise InputError(f"{path}: {name} has shape {arrays[name].shape}, expected {shape}")
@@ -217,14 +215,17 @@ def _tracks(arrays: Arrays, camera: int) -> tuple[Track, ...]:
 def _track(arrays: Arrays, track_id: int, rows: IntArray) -> Track:
     frames, first = np.unique(arrays["det_frame"][rows].astype(np.int64), return_index=True)
     points = arrays["det_kp2d"][rows[first]].astype(np.float64)
-    joints = arrays["det_kp3d"][rows[first]].astype(np.float64)
     seen = np.isfinite(points).all(axis=-1, keepdims=True) & points.any(axis=-1, keepdims=True)
-    lifted = np.isfinite(joints).all(axis=-1, keepdims=True)
+    keypoints = np.where(seen, points[..., :2], np.nan)
+    joints = unknown_joints(keypoints)
+    if "det_kp3d" in arrays:
+        joints = arrays["det_kp3d"][rows[first]].astype(np.float64)
+        joints = np.where(np.isfinite(joints).all(axis=-1, keepdims=True), joints, np.nan)
     return Track(
         track_id=track_id,
         frames=frames,
-        keypoints=np.where(seen, points[..., :2], np.nan),
-        joints=np.where(lifted, joints, np.nan),
+        keypoints=keypoints,
+        joints=joints,
         scores=np.where(seen, points[..., 2:], 0.0)[..., 0],
     )
 

@@ -45,9 +45,9 @@ class PoseImage:
     scores : (P,) ndarray
         Of the persons, 0 where they were not finite.
     keypoints : (P, J, 2) ndarray of float32
-        NaN where not observed.
-    joints : (P, J, 3) ndarray of float32
-        NaN where not observed.
+        NaN where not observed, and where they are (0, 0), as some estimators have it then.
+    joints : (P, J, 3) ndarray of float32, or None
+        NaN where not observed; None: nobody has a 3D pose.
     joint_scores : (P, J) ndarray of float32
         0 where they were not finite.
     n_infinite : int
@@ -62,7 +62,7 @@ class PoseImage:
     track_ids: IntArray
     scores: Float64Array
     keypoints: Float32Array
-    joints: Float32Array
+    joints: Float32Array | None
     joint_scores: Float32Array
     n_infinite: int = 0
 
@@ -118,7 +118,9 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
     persons = message.persons
     where = f"{topic}, stamp {format_stamp(stamp)}"
     keypoints = _rows(persons, "keypoints", layout, 2, where)
-    joints = _rows(persons, "joints", layout, 3, where)
+    joints = None
+    if any(len(person.joints) for person in persons):
+        joints = _rows(persons, "joints", layout, 3, where)
     scores = _rows(persons, "joint_scores", layout, 1, where)[..., 0]
     return PoseImage(
         stamp_ns=stamp,
@@ -128,10 +130,10 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
         metric=bool(message.metric),
         track_ids=np.array([p.track_id for p in persons], dtype=np.int64),
         scores=np.array([p.score if math.isfinite(p.score) else 0.0 for p in persons]),
-        keypoints=_observed(keypoints),
-        joints=_observed(joints),
+        keypoints=_detected(keypoints),
+        joints=None if joints is None else _observed(joints),
         joint_scores=np.where(np.isfinite(scores), scores, np.float32(0.0)),
-        n_infinite=int(np.isinf(keypoints).sum() + np.isinf(joints).sum()),
+        n_infinite=sum(int(np.isinf(a).sum()) for a in (keypoints, joints) if a is not None),
     )
 
 
@@ -195,6 +197,11 @@ def _rows(
                 f"{layout.name!r} with {layout.n_joints} joints takes {n}"
             )
     return out.reshape(len(persons), layout.n_joints, width)
+
+
+def _detected(keypoints: Float32Array) -> Float32Array:
+    """Keypoints with a NaN or infinite coordinate, and those at (0, 0), become NaN."""
+    return np.where(keypoints.any(axis=-1, keepdims=True), _observed(keypoints), np.float32(np.nan))
 
 
 def _observed(points: Float32Array) -> Float32Array:

@@ -36,7 +36,8 @@ PERSONS_HELP = (
 PAIRS_HELP = (
     "Bones: median angle between the bones of the two monocular 3D poses of a person, after "
     "rotation; they are not used in the final adjustment, and the errors of two lifters together "
-    "make 10 to 25 degrees. Epipolar: distance of the keypoints from the epipolar lines, rms."
+    "make 10 to 25 degrees; - without 3D poses. Epipolar: distance of the keypoints from the "
+    "epipolar lines, rms."
 )
 
 _HEADINGS = {
@@ -155,7 +156,7 @@ def pairs(c: Calibration) -> str:
         (
             f"{p.camera_a}, {p.camera_b}",
             str(p.n_matches),
-            f"{math.degrees(p.median_angle_rad):.1f}°",
+            "-" if math.isnan(p.median_angle_rad) else f"{math.degrees(p.median_angle_rad):.1f}°",
             f"{p.epipolar_rms_px:.2f} px",
         )
         for p in c.pairs
@@ -165,14 +166,17 @@ def pairs(c: Calibration) -> str:
 
 def sightings(recording: Recording) -> str:
     """List what every camera observed, whether it could be used or not."""
-    head = ("camera", "images", "rate", "stamps", "tracks", "keypoints", "layout", "image size")
-    return table([head, *(_sighting(camera) for camera in recording.cameras)])
+    head = ("camera", "images", "rate", "stamps", "tracks", "keypoints", "3D poses", "layout")
+    rows = (_sighting(camera) for camera in recording.cameras)
+    return table([(*head, "image size"), *rows])
 
 
 def _sighting(camera: CameraRecording) -> tuple[str, ...]:
     period = frame_period(camera.stamps)
     seen = sum(int(np.isfinite(t.keypoints).all(-1).sum()) for t in camera.tracks)
     total = sum(t.keypoints[..., 0].size for t in camera.tracks)
+    lifted = sum(int(np.isfinite(t.joints[..., 0]).any(-1).sum()) for t in camera.tracks)
+    n_poses = sum(len(t.frames) for t in camera.tracks)
     span = f"{camera.stamps[0]:.2f} … {camera.stamps[-1]:.2f} s" if len(camera.stamps) else "-"
     return (
         camera.name,
@@ -181,6 +185,7 @@ def _sighting(camera: CameraRecording) -> tuple[str, ...]:
         span,
         str(len(camera.tracks)),
         f"{seen} of {total}",
+        f"{lifted} of {n_poses}" if lifted else "none",
         camera.layout.name,
         f"{camera.intrinsics.width} x {camera.intrinsics.height} px",
     )

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.lifting.keypoint_checks import has_enough, keypoint_fault
+from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.io.messages import (
     NS,
     CameraInfoFields,
@@ -19,7 +22,13 @@ from stcalib_ros.io.messages import (
     pose_image,
 )
 from stcalib_ros.io.topics import SelectedCamera
-from stcalib_ros.ros.limits import LENS_QUIET_S, MAX_LINE, MAX_OTHER_LENSES, MAX_TEXT
+from stcalib_ros.ros.limits import (
+    LENS_QUIET_S,
+    MAX_CHECKED_IMAGES,
+    MAX_LINE,
+    MAX_OTHER_LENSES,
+    MAX_TEXT,
+)
 from stcalib_ros.ros.streams import Follower, Limits
 
 Warn = Callable[[str, str], object]
@@ -52,7 +61,11 @@ class Counts:
     set_aside : int
         Images that do not continue what came before, until it is clear what they are.
     no_keypoints : bool
-        There are persons, but not one of their keypoints is finite.
+        There are persons, but not a single keypoint of them was observed.
+    images_3d : int
+        Images in the buffer in which somebody has a 3D pose.
+    fault : Rejection or None
+        Why the keypoints cannot be those of people.
     """
 
     images: int
@@ -67,6 +80,8 @@ class Counts:
     last_problem: str
     set_aside: int = 0
     no_keypoints: bool = False
+    images_3d: int = 0
+    fault: Rejection | None = None
 
 
 @dataclass(slots=True)
@@ -199,6 +214,22 @@ class CameraBuffer:
             set_aside=self._follower.n_aside,
             no_keypoints=persons > 0
             and not any(np.isfinite(i.keypoints).any() for i in self.images),
+            images_3d=sum(image.joints is not None for image in self.images),
+            fault=self._fault(),
+        )
+
+    def _fault(self) -> Rejection | None:
+        """Return why the keypoints cannot be those of people, by some images of the window."""
+        if self.info is None or not self.images:
+            return None
+        stride = math.ceil(len(self.images) / MAX_CHECKED_IMAGES)
+        some = list(islice(self.images, 0, None, stride))
+        poses = np.concatenate([image.keypoints for image in some])
+        scores = np.concatenate([image.joint_scores for image in some])
+        poses = np.where((scores > 0)[..., None], poses, np.nan)
+        width, height = self.info.width, self.info.height
+        return keypoint_fault(
+            poses[has_enough(poses)], camera=self.camera.name, width=width, height=height
         )
 
     def _take(self, image: PoseImage, now_s: float) -> None:

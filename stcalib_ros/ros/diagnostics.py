@@ -10,6 +10,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from stcalib_ros.core.model.rejection import Rejection
+from stcalib_ros.core.model.rejection_text import sentence
 from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.camera_buffer import Counts
@@ -59,9 +60,11 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
         lacking.append(f"sends nothing that can be used: {counts.last_problem}")
     elif counts.no_keypoints:
         lacking.append(
-            f"sends persons without a single finite keypoint on {camera.pose_topic}; check the "
+            f"sends persons without a single keypoint on {camera.pose_topic}; check the "
             "pose estimator's output"
         )
+    elif counts.fault is not None:
+        lacking.append(f"sends on {camera.pose_topic}: {sentence(counts.fault)}")
     if not counts.has_info:
         publishers = publishers_of(node, camera.info_topic, camera.info_type)
         lacking.append(f"waits for CameraInfo: {publishers}")
@@ -113,6 +116,7 @@ def camera_status(
         "age_s": f"{counts.age_s:.2f}",
         "camera_info": str(counts.has_info).lower(),
         "images": counts.images,
+        "images_3d": counts.images_3d,
         "persons": counts.persons,
         "moving_s": counts.moving_s,
         "received": counts.received,

@@ -27,6 +27,10 @@ MAX_SEQUENCE_GAP = 1_000_000
 """Messages. A jump of a publisher's sequence number that is at least so large is another publisher
 and not a loss. Nine hours at 30 Hz, longer than any gap that this node would live through."""
 
+MAX_CHECKED_IMAGES = 30
+"""Images. Whether keypoints can be those of people in pixels is judged by so many of the window at
+most, every second. Chosen: they are either all in one unit, or none of use."""
+
 # Images that do not continue a stream -----------------------------------------------------------
 
 MAX_STAMP_STEP_S = 1.0

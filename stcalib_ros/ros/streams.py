@@ -296,7 +296,7 @@ def _limits_aside(limits: Limits) -> Limits:
 
 def _size(image: PoseImage) -> int:
     arrays = (image.track_ids, image.scores, image.keypoints, image.joints, image.joint_scores)
-    return _IMAGE_BYTES + sum(array.nbytes for array in arrays)
+    return _IMAGE_BYTES + sum(array.nbytes for array in arrays if array is not None)
 
 
 def _text(value: Layout | bool | str) -> str:

@@ -19,7 +19,7 @@ from core_helpers import (
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import CameraRecording, Recording, Track
-from stcalib_ros.core.model.rejection import RejectionReason
+from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import Scene, SceneOptions, scene, simulate
 
@@ -75,6 +75,23 @@ def first(n):
         return replace(camera, stamps=camera.stamps[:n], tracks=tracks)
 
     return change
+
+
+def nothing_seen(camera):
+    unseen = tracks_changed(lambda t: replace(t, keypoints=np.full_like(t.keypoints, np.nan)))
+    return unseen(camera)
+
+
+def normalised(camera):
+    size = [camera.intrinsics.width, camera.intrinsics.height]
+    return tracks_changed(lambda t: replace(t, keypoints=t.keypoints / size))(camera)
+
+
+def at_one_place(camera):
+    return tracks_changed(lambda t: replace(t, keypoints=np.full_like(t.keypoints, 9.0)))(camera)
+
+
+ALL = ["cam0", "cam1", "cam2", "cam3"]
 
 
 def assert_the_rest_is_calibrated(calibration, truth, names):
@@ -148,14 +165,39 @@ def test_nothing_seen_by_anybody(four):
     assert set(reasons(calibration).values()) == {RejectionReason.NO_PERSONS}
 
 
+@pytest.mark.parametrize(
+    ("change", "reason", "says"),
+    [
+        (normalised, RejectionReason.KEYPOINTS_NORMALISED, "keypoints look normalised"),
+        (at_one_place, RejectionReason.KEYPOINTS_COINCIDE, "are at one place"),
+    ],
+)
+def test_keypoints_that_are_those_of_nobody(four, change, reason, says):
+    calibration = verdict(every(four.recording, change))
+    assert calibration.status is Status.INSUFFICIENT_DATA
+    assert reasons(calibration) == dict.fromkeys(ALL, reason)
+    assert calibration.message.count(says) == 4
+
+
+def test_poses_of_nobody_are_left_out_of_a_calibration_that_says_so(four):
+    def now_and_then(track):
+        keypoints = track.keypoints.copy()
+        keypoints[::10] = 9.0
+        return replace(track, keypoints=keypoints)
+
+    calibration = verdict(changed(four.recording, "cam1", tracks_changed(now_and_then)))
+    assert_the_rest_is_calibrated(calibration, four.truth, ALL)
+    (remark,) = (r for r in calibration.remarks if r.code is RemarkCode.POSES_LEFT_OUT)
+    assert remark.cameras == ("cam1",)
+    left_out = sum(len(t.frames[::10]) for t in four.recording.cameras[1].tracks)
+    assert remark.values["n_left_out"] == left_out
+
+
 # A part of it
 
 
 def without(names, *left_out):
     return [n for n in names if n not in left_out]
-
-
-ALL = ["cam0", "cam1", "cam2", "cam3"]
 
 
 @pytest.mark.parametrize("k", range(4))
@@ -174,11 +216,6 @@ def test_two_groups_of_cameras(four, strangers):
     for name in ("cam2", "cam3"):
         assert reasons(calibration)[name] is RejectionReason.DISCONNECTED
     assert "forms a separate group with" in calibration.message
-
-
-def nothing_seen(camera):
-    unseen = tracks_changed(lambda t: replace(t, keypoints=np.full_like(t.keypoints, np.nan)))
-    return unseen(camera)
 
 
 @pytest.mark.parametrize("name", ["cam0", "cam2"])
@@ -200,8 +237,10 @@ def test_a_camera_that_saw_nobody(four, name, change):
         (clock_shifted(3600.0), RejectionReason.CLOCK_EPOCH_DIFFERS),
         (first(11), RejectionReason.NO_TEMPORAL_OVERLAP),
         (first(0), RejectionReason.NO_PERSONS),
+        (normalised, RejectionReason.KEYPOINTS_NORMALISED),
+        (at_one_place, RejectionReason.KEYPOINTS_COINCIDE),
     ],
-    ids=["clock", "eleven images", "no image"],
+    ids=["clock", "eleven images", "no image", "normalised", "one place"],
 )
 def test_a_camera_that_cannot_be_compared(four, change, reason):
     calibration = verdict(changed(four.recording, "cam3", change))

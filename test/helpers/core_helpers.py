@@ -49,6 +49,7 @@ SOUND = CameraChecks(
     offset_stddev_frames=0.01,
     bone_rotation=0.05,
     depth_ratio=1.0,
+    limb_variation=0.02,
     offset_peak_ratio=6.0,
     alternative_offset_s=0.4,
 )

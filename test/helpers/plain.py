@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,10 +14,19 @@ CAMERA = SelectedCamera("cam0", "/cam0/person_poses", "/cam0/camera_info", None)
 STEP_S = 0.1
 
 
-def poses(stamp_s: float, *, x: float = 100.0, persons: int = 1, **fields: object) -> object:
+def poses(
+    stamp_s: float,
+    *,
+    x: float = 100.0,
+    persons: int = 1,
+    joints: Sequence[float] = (1.0,) * 51,
+    keypoints: Sequence[float] | None = None,
+    **fields: object,
+) -> object:
     """Persons 170 px high, at `x`."""
-    keypoints = np.stack([np.full(17, x), np.linspace(100, 270, 17)], axis=1).ravel()
-    person = {"score": 1.0, "joints": np.ones(51), "keypoints": keypoints, "joint_scores": []}
+    if keypoints is None:
+        keypoints = np.stack([np.full(17, x), np.linspace(100, 270, 17)], axis=1).ravel()
+    person = {"score": 1.0, "joints": joints, "keypoints": keypoints, "joint_scores": []}
     ns = round(stamp_s * 1e9)
     stamp = SimpleNamespace(sec=ns // 10**9, nanosec=ns % 10**9)
     message = {
@@ -54,6 +64,14 @@ class Ear:
         self.lines.append(line)
 
 
-def fill(buffers: Buffers, start_s: float, seconds: float, *, speed_px_s: float = 0.0) -> None:
+def fill(
+    buffers: Buffers,
+    start_s: float,
+    seconds: float,
+    *,
+    speed_px_s: float = 0.0,
+    **fields: object,
+) -> None:
     for t in np.arange(0.0, seconds, STEP_S):
-        buffers.add_poses("cam0", poses(start_s + t, x=100.0 + speed_px_s * t))
+        x = 100.0 + speed_px_s * t
+        buffers.add_poses("cam0", poses(start_s + t, x=x, **fields))  # type: ignore[arg-type]

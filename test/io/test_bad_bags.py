@@ -150,11 +150,6 @@ def _no_images(folder: Path) -> Path:
     )
 
 
-def _nothing_finite(field: str) -> Maker:
-    n = {"joints": 51, "keypoints": 34}[field]
-    return _images(bags.poses(0, [bags.person(**{field: [np.nan] * n})]))
-
-
 CASES: dict[str, tuple[Maker, str]] = {
     "no such file": (_no_such_file, r"no such bag: .*missing\.mcap"),
     "empty file": (_no_bytes, r"a\.mcap is empty"),
@@ -195,6 +190,10 @@ CASES: dict[str, tuple[Maker, str]] = {
             r"/cam0/person_poses, stamp 1760000000\.000000000, track 5: joints has 50 numbers, but "
             r"layout 'h36m_17' with 17 joints takes 51"
         ),
+    ),
+    "wrong length of keypoints": (
+        _images(bags.poses(0, [bags.person(5, joints=[], keypoints=[0.0] * 51)])),
+        r"track 5: keypoints has 51 numbers, but layout 'h36m_17' with 17 joints takes 34",
     ),
     "wrong length of scores": (
         _images(bags.poses(0, [bags.person(joint_scores=[0.0])])),
@@ -247,8 +246,18 @@ CASES: dict[str, tuple[Maker, str]] = {
         _same_name,
         r"two cameras with one name, 'cam0': /cam0/other and /cam0/person_poses",
     ),
-    "no finite joint": (_nothing_finite("joints"), r"all joints of all persons are NaN or inf"),
-    "no finite key point": (_nothing_finite("keypoints"), r"all keypoints of all persons are NaN"),
+    "no finite keypoint": (
+        _images(bags.poses(0, [bags.person(keypoints=[np.nan] * 34)])),
+        r"all keypoints of all persons are NaN, infinite or \(0, 0\) in every camera \(cam0\)",
+    ),
+    "keypoints at zero": (
+        _images(bags.poses(0, [bags.person(keypoints=[0.0] * 34)])),
+        r"all keypoints of all persons are NaN",
+    ),
+    "no keypoints": (
+        _images(bags.poses(0, [bags.person(keypoints=[])])),
+        r"all keypoints of all persons are NaN",
+    ),
 }
 
 
@@ -273,7 +282,7 @@ def test_one_blind_camera_is_only_a_warning(tmp_path: Path) -> None:
     path = bags.write_bag(tmp_path / "a.mcap", [*bags.camera("cam0"), *blind])
     warnings: list[str] = []
     assert len(read_bag(path, warn=warnings.append).cameras) == 2
-    assert "camera cam1: all keypoints of all persons are NaN or infinite" in warnings
+    assert "camera cam1: all keypoints of all persons are NaN, infinite or (0, 0)" in warnings
 
 
 def test_comments_and_spaces_of_the_definition_do_not_matter(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from stcalib_ros.core.errors import Cancelled
 from stcalib_ros.core.model.keypoint_layouts import layout_from_names
-from stcalib_ros.core.model.recording import Recording, Track
+from stcalib_ros.core.model.recording import Recording, Track, keypoints_only
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.topics import CameraSelection, CameraTopics
@@ -44,6 +44,69 @@ def test_custom_layout_and_images_without_people(tmp_path: Path) -> None:
     bags.assert_same(recording, read_bag(tmp_path / "bag.mcap"))
 
 
+def some_unknown(recording: Recording, unknown: np.ndarray) -> Recording:
+    """Of every track, without the 3D poses of some frames."""
+    joints = np.where(unknown[:, None, None], np.nan, 1.0)
+    cameras = (
+        dataclasses.replace(
+            camera,
+            tracks=tuple(
+                dataclasses.replace(t, joints=t.joints * joints[t.frames]) for t in camera.tracks
+            ),
+        )
+        for camera in recording.cameras
+    )
+    return Recording(tuple(cameras), recording.epoch_ns)
+
+
+def joints_in(path: Path) -> list[int]:
+    """Numbers in `joints` of every person, by a decoder that is not ours."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        messages = [m.decoded_message for m in reader.iter_decoded_messages()]
+    images = [m for m in messages if hasattr(m, "persons")]
+    return [len(person.joints) for image in images for person in image.persons]
+
+
+def test_keypoints_alone_are_written_without_3d_poses_and_read(tmp_path: Path) -> None:
+    recording = keypoints_only(bags.small_recording())
+    write_bag(recording, tmp_path / "bag.mcap")
+    warnings: list[str] = []
+    read = read_bag(tmp_path / "bag.mcap", warn=warnings.append)
+    bags.assert_same(recording, read)
+    assert warnings == []
+    assert set(joints_in(tmp_path / "bag.mcap")) == {0}
+    unknown = [track.joints for camera in read.cameras for track in camera.tracks]
+    assert all(joints.strides[0] == 0 for joints in unknown), "they take no memory"
+
+
+@given(unknown=hnp.arrays(bool, 5), n_only=st.integers(0, 2))
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_3d_poses_of_some_cameras_and_images(
+    tmp_path: Path, unknown: np.ndarray, n_only: int
+) -> None:
+    whole = some_unknown(bags.small_recording(), unknown)
+    without = keypoints_only(whole).cameras[:n_only]
+    recording = Recording((*without, *whole.cameras[n_only:]), whole.epoch_ns)
+    write_bag(recording, tmp_path / "bag.mcap")
+    bags.assert_same(recording, read_bag(tmp_path / "bag.mcap"))
+    given_3d = [
+        n
+        for camera in recording.cameras
+        for t in camera.tracks
+        for n in np.isfinite(t.joints).any((1, 2))
+    ]
+    assert sorted(joints_in(tmp_path / "bag.mcap")) == sorted(51 * n for n in given_3d)
+
+
+def test_persons_of_one_image_with_and_without_3d_pose(tmp_path: Path) -> None:
+    persons = [bags.person(1), bags.person(2, joints=[]), bags.person(3, joints=[np.nan] * 51)]
+    path = bags.write_bag(tmp_path / "a.mcap", bags.camera(images=[bags.poses(0, persons)]))
+    tracks = read_bag(path).cameras[0].tracks
+    assert [bool(np.isfinite(t.joints).all()) for t in tracks] == [True, False, False]
+    assert all(np.isfinite(t.keypoints).all() for t in tracks)
+
+
 finite32 = st.floats(-1e6, 1e6, width=32)
 
 
@@ -61,7 +124,9 @@ def test_round_trip_of_any_numbers(tmp_path: Path, stamps: list[int], data: st.D
     track = Track(
         data.draw(st.integers(0, 2**32 - 1)),
         frames,
-        data.draw(hnp.arrays(np.float32, (*shape, 2), elements=finite32)).astype(float),
+        data.draw(hnp.arrays(np.float32, (*shape, 2), elements=finite32.filter(bool))).astype(
+            float
+        ),
         data.draw(hnp.arrays(np.float32, (*shape, 3), elements=finite32)).astype(float),
         data.draw(hnp.arrays(np.float32, shape, elements=st.floats(0, 1, width=32))).astype(float),
     )
@@ -252,15 +317,15 @@ def test_stamps_are_seconds_since_a_whole_second(tmp_path: Path) -> None:
 def test_not_observed_is_nan(tmp_path: Path) -> None:
     J = bags.LAYOUT.n_joints
     odd = bags.person(
-        keypoints=[np.nan, 1.0, np.inf, 2.0] + [5.0] * (2 * J - 4),
+        keypoints=[np.nan, 1.0, np.inf, 2.0, 0.0, 0.0, 0.0, 7.0] + [5.0] * (2 * J - 8),
         joints=[1.0, 2.0, -np.inf] + [1.0] * (3 * J - 3),
         joint_scores=[np.nan] + [0.25] * (J - 1),
     )
     warnings: list[str] = []
     path = bags.write_bag(tmp_path / "a.mcap", bags.camera(images=[bags.poses(0, [odd])]))
     (track,) = read_bag(path, warn=warnings.append).cameras[0].tracks
-    assert np.isnan(track.keypoints[0, :2]).all()
-    assert np.isfinite(track.keypoints[0, 2:]).all()
+    assert np.isnan(track.keypoints[0, :3]).all(), "(0, 0) is no position either"
+    assert np.isfinite(track.keypoints[0, 3:]).all()
     assert np.isnan(track.joints[0, 0]).all()
     assert np.isfinite(track.joints[0, 1:]).all()
     assert track.scores[0, :2].tolist() == [0.0, 0.25]

@@ -68,6 +68,27 @@ def test_recording(tmp_path: Path) -> None:
     np.testing.assert_array_equal(b.tracks[1].scores, arrays["det_kp2d"][rows, :, 2])
 
 
+def test_without_3d_poses_the_keypoints_are_converted_alone(tmp_path: Path) -> None:
+    arrays = source()
+    whole, _ = convert_npz(save(tmp_path / "s.npz", arrays))
+    flat, _ = convert_npz(save(tmp_path / "f.npz", source(det_kp3d=None, kp3d_names=None)))
+    for camera, other in zip(whole.cameras, flat.cameras, strict=True):
+        assert (camera.has_3d_poses, camera.metric) == (True, True)
+        assert (other.has_3d_poses, other.metric) == (False, False)
+        for track, without in zip(camera.tracks, other.tracks, strict=True):
+            np.testing.assert_array_equal(without.keypoints, track.keypoints)
+            assert without.joints.shape == track.joints.shape
+
+
+def test_unknown_3d_poses_are_nan(tmp_path: Path) -> None:
+    joints = source()["det_kp3d"]
+    joints[::2] = np.nan
+    recording, _ = convert_npz(save(tmp_path / "s.npz", source(det_kp3d=joints)))
+    tracks = [track for camera in recording.cameras for track in camera.tracks]
+    known = np.concatenate([np.isfinite(t.joints).all((1, 2)) for t in tracks])
+    assert (len(known), known.sum()) == (15, 7)
+
+
 def test_undetected_is_nan(tmp_path: Path) -> None:
     recording, _ = convert_npz(save(tmp_path / "s.npz", source()))
     track = recording.cameras[0].tracks[0]
@@ -108,7 +129,6 @@ def test_command_writes_bag_and_truth(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("changes", "arguments", "message"),
     [
-        ({"det_kp3d": None}, [], "has no 3D poses (det_kp3d)"),
         ({"K": None, "R": None}, [], "not a multi-view file: it lacks K, R"),
         ({"fps": np.array(np.nan)}, [], "frame rate is nan; give it with --fps"),
         ({}, ["--fps", "0"], "frame rate is 0.0"),

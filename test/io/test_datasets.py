@@ -18,7 +18,7 @@ from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.convert import Converted, ConvertOptions, convert_arrays
 from stcalib_ros.io.datasets import DatasetOptions, read_dataset
-from stcalib_ros.io.datasets.alphapose import h36m_keypoints
+from stcalib_ros.io.datasets.alphapose import detected_keypoints, h36m_keypoints
 from stcalib_ros.io.results import read_result
 
 K = np.array([[900.0, 0, 320], [0, 900.0, 180], [0, 0, 1]])
@@ -122,7 +122,9 @@ def mmptrack(root: Path) -> Path:
     return scene
 
 
-def alphapose(folder: Path, names: tuple[str, str], people: np.ndarray, first: int = 0) -> Path:
+def alphapose(
+    folder: Path, names: tuple[str, str], people: np.ndarray, first: int = 0, *, lifted: bool = True
+) -> Path:
     """AlphaPose and MotionBERT on two cameras; ids 1 and 2, exchanged in the second camera."""
     halpe = np.zeros((*people.shape[:2], 26, 3))
     for joint, source in _HALPE_OF_H36M.items():
@@ -144,7 +146,7 @@ def alphapose(folder: Path, names: tuple[str, str], people: np.ndarray, first: i
                     }
                 )
         (folder / name / "alphapose-results.json").write_text(json.dumps(items))
-        for p in (0, 1):
+        for p in (0, 1) if lifted else ():
             track = folder / name / str(1 + (p + c) % 2)
             track.mkdir()
             np.save(track / "X3D.npy", (people[:, p] @ R[c].T).astype(np.float32))
@@ -246,6 +248,55 @@ def test_mmptrack_with_alphapose_and_motionbert(tmp_path: Path) -> None:
     )
     np.testing.assert_allclose(track.joints, bodies(17)[:, 0] @ R[1].T, atol=1e-6)
     assert track.scores.max() == pytest.approx(0.8)
+
+
+def test_alphapose_alone(tmp_path: Path) -> None:
+    poses = alphapose(tmp_path / "poses", ("cam1", "cam2"), bodies(17), lifted=False)
+    result = converted("mmptrack", mmptrack(tmp_path), fps=15.0, poses=poses)
+    assert [p.tracks for p in result.truth.persons] == [
+        {"cam1": (1,), "cam2": (2,)},
+        {"cam1": (2,), "cam2": (1,)},
+    ]
+    for camera in result.recording.cameras:
+        assert camera.layout is LAYOUTS["halpe_26"]
+        assert not camera.has_3d_poses
+    track = result.recording.cameras[1].tracks[1]
+    for joint, own in _HALPE_OF_H36M.items():
+        expected = in_image(bodies(17)[:, 0, joint], 1)
+        np.testing.assert_allclose(track.keypoints[:, own], expected, atol=1e-6)
+
+
+def test_true_poses_tell_who_a_keypoint_is(tmp_path: Path) -> None:
+    people = np.zeros((3, 2, 17, 3))
+    names = LAYOUTS["coco_19"].joint_names
+    for j, name in enumerate(LAYOUTS["h36m_17"].joint_names):
+        people[:, :, j] = bodies(19)[:, :, names.index(name) if name in names else 2]
+    poses = alphapose(tmp_path / "poses", ("00_03", "00_12"), people, first=100, lifted=False)
+    result = converted("panoptic", panoptic(tmp_path / "x"), poses=poses)
+    assert [p.tracks for p in result.truth.persons] == [
+        {"00_03": (1,), "00_12": (2,)},
+        {"00_03": (2,), "00_12": (1,)},
+    ]
+
+
+def test_whole_bodies_of_alphapose_give_their_bodies() -> None:
+    given = np.c_[np.arange(136), np.arange(136), np.full(136, 1.5)]
+    layout, keypoints = detected_keypoints(given.ravel().tolist())
+    assert layout is LAYOUTS["halpe_26"]
+    np.testing.assert_array_equal(keypoints, np.c_[given[:26, :2], np.ones(26)])
+
+
+def test_cameras_with_different_keypoints_are_refused(tmp_path: Path) -> None:
+    poses = alphapose(tmp_path / "poses", ("cam1", "cam2"), bodies(17), lifted=False)
+    path = poses / "cam2" / "alphapose-results.json"
+    items = json.loads(path.read_text())
+    coco = [item | {"keypoints": item["keypoints"][: 3 * 17]} for item in items]
+    path.write_text(json.dumps(coco))
+    with pytest.raises(InputError, match="poses of halpe_26 and coco_17: run one model on all"):
+        converted("mmptrack", mmptrack(tmp_path), fps=15.0, poses=poses)
+    path.write_text(json.dumps([item | {"keypoints": [1.0] * 60} for item in items]))
+    with pytest.raises(InputError, match="20 keypoints: expected COCO's 17 or Halpe's 26 or 136"):
+        converted("mmptrack", mmptrack(tmp_path / "m"), fps=15.0, poses=poses)
 
 
 def test_true_poses_tell_who_a_detection_is(tmp_path: Path) -> None:

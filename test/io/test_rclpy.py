@@ -9,6 +9,7 @@ from typing import Any
 import bag_helpers as bags
 import pytest
 
+from stcalib_ros.core.model.recording import keypoints_only
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_bag
 
@@ -20,6 +21,14 @@ def decode(type_name: str, data: bytes) -> Any:
     package, _, name = type_name.split("/")
     kind = getattr(importlib.import_module(f"{package}.msg"), name)
     return serialization.deserialize_message(data, kind)
+
+
+@pytest.mark.parametrize("cameras", [[], ["cam0"], ["cam0", "cam1"]])
+def test_rclpy_reads_what_we_write_without_3d_poses(tmp_path: Path, cameras: list[str]) -> None:
+    recording = keypoints_only(bags.small_recording(), cameras)
+    write_bag(recording, tmp_path / "a.mcap")
+    bags.assert_same(recording, read_bag(tmp_path / "a.mcap", decoder=decode))
+    bags.assert_same(recording, read_bag(tmp_path / "a.mcap"))
 
 
 @pytest.mark.parametrize("rectified", [False, True])

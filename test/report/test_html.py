@@ -13,12 +13,13 @@ from exclusion_helpers import left_out
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Status
-from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.recording import Recording, keypoints_only
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.core.synthetic import Scene
 from stcalib_ros.report.html import report_html, write_report
+from stcalib_ros.report.tables import sightings
 
 _VOID = {"meta", "img"}
 
@@ -87,6 +88,17 @@ def test_it_says_what_was_found(page: Page, report_stages: Stages) -> None:
     ):
         assert said in page.text
     assert "nan" not in page.text.lower().split()
+
+
+def test_it_says_who_has_3d_poses(report_scene: Scene, report_stages: Stages) -> None:
+    flat = keypoints_only(report_scene.recording, ["cam1"])
+    rows = sightings(flat).partition("<tr>")[2].split("<tr>")
+    poses = [sum(len(t.frames) for t in c.tracks) for c in flat.cameras]
+    assert "3D poses" in rows[0]
+    assert f"{poses[0]} of {poses[0]}" in rows[1]
+    assert "none" in rows[2]
+    html = report_html(keypoints_only(report_scene.recording), report_stages)
+    assert Page(html).text.count("none") == 3
 
 
 def test_another_unit_is_named(report_scene: Scene, report_stages: Stages) -> None:

@@ -20,7 +20,13 @@ from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.monitoring.alarms import State, Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.camera_buffer import Counts
-from stcalib_ros.ros.diagnostics import SolverState, camera_status, load_status, solver_status
+from stcalib_ros.ros.diagnostics import (
+    SolverState,
+    camera_status,
+    load_status,
+    solver_status,
+    starvation,
+)
 from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.markers import camera_markers
 from stcalib_ros.ros.publishers import transforms
@@ -93,6 +99,15 @@ def test_status_of_a_camera(counts, lack, level, message):
     values = {v.key: v.value for v in status.values}
     assert (values["rate_hz"], values["camera_info"]) == ("30.00", "true")
     assert values["watch"] == "off"
+
+
+def test_a_camera_with_keypoints_that_are_no_pixels_says_what_to_do():
+    values = {"least": 0.0, "width": 640, "height": 480}
+    fault = Rejection(RejectionReason.KEYPOINTS_NORMALISED, ("cam0",), 0.98, 2.0, "px", (), values)
+    lack = starvation(CAMERA, replace(COUNTS, fault=fault), None)
+    assert lack.startswith("sends on /a: its keypoints look normalised")
+    assert "multiply those of 0..1 by the image size" in lack
+    assert starvation(CAMERA, COUNTS, None) == ""
 
 
 @pytest.mark.parametrize(

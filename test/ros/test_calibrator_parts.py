@@ -16,6 +16,7 @@ from stcalib_ros.core.errors import Cancelled, InputError
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.rejection import RejectionReason
 from stcalib_ros.core.options import Options
+from stcalib_ros.io.assemble import assemble_recording
 from stcalib_ros.io.stamps import ClockCorrection
 from stcalib_ros.ros import worker as worker_module
 from stcalib_ros.ros.buffers import Buffers
@@ -165,6 +166,55 @@ def test_nothing_has_no_made_up_numbers(ear):
 def test_motion_is_more_than_noise(buffers, speed_px_s, moving):
     fill(buffers, 100.0, 5.0, speed_px_s=speed_px_s)
     assert len(buffers.moving()["cam0"]) == moving
+
+
+def test_keypoints_alone_are_kept_counted_and_move(buffers, ear):
+    fill(buffers, 100.0, 2.0, speed_px_s=100.0)
+    fill(buffers, 102.0, 3.0, speed_px_s=100.0, joints=())
+    counts = buffers.counts()["cam0"]
+    assert (counts.images, counts.images_3d, counts.persons) == (50, 20, 50)
+    assert (counts.dropped, counts.flushes, counts.fault) == (0, 0, None)
+    assert len(buffers.moving()["cam0"]) == 5
+    (camera,) = assemble_recording(buffers.snapshot(), warn=ear).cameras
+    (track,) = camera.tracks
+    np.testing.assert_array_equal(np.isfinite(track.joints).all((1, 2)), np.arange(50) < 20)
+    assert np.isfinite(track.keypoints).all()
+
+
+def test_keypoints_alone_take_less_memory(ear):
+    limits = Limits(window_s=600.0, max_mb=0.1)
+    kept = {}
+    for joints in ((1.0,) * 51, ()):
+        buffers = Buffers([CAMERA], limits, ear)
+        fill(buffers, 100.0, 60.0, joints=joints)
+        kept[len(joints)] = buffers.counts()["cam0"].images
+    assert 0 < kept[51] < kept[0] < 600
+
+
+@pytest.mark.parametrize(
+    ("keypoints", "reason"),
+    [
+        (np.linspace(0.1, 0.9, 34), RejectionReason.KEYPOINTS_NORMALISED),
+        (np.linspace(-0.9, 0.9, 34), RejectionReason.KEYPOINTS_NORMALISED),
+        (np.ones(34), RejectionReason.KEYPOINTS_COINCIDE),
+        (np.full(34, 200.0), RejectionReason.KEYPOINTS_COINCIDE),
+        (np.full(34, np.nan), None),
+        (np.zeros(34), None),
+    ],
+    ids=["0..1", "-1..1", "corner", "one place", "nan", "zeros"],
+)
+def test_keypoints_that_cannot_be_those_of_people(buffers, keypoints, reason):
+    fill(buffers, 100.0, 5.0, keypoints=keypoints, joints=())
+    counts = buffers.counts()["cam0"]
+    assert (None if counts.fault is None else counts.fault.reason) is reason
+    assert counts.no_keypoints == (reason is None)
+    assert buffers.moving()["cam0"] == frozenset()
+
+
+def test_a_few_poses_at_one_place_are_no_fault_of_the_camera(buffers):
+    fill(buffers, 100.0, 5.0)
+    fill(buffers, 105.0, 4.0, keypoints=np.ones(34))
+    assert buffers.counts()["cam0"].fault is None
 
 
 def test_motion_is_forgotten_with_its_images(buffers):

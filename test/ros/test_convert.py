@@ -184,6 +184,15 @@ def test_poses_become_the_same_arrays():
     assert (image.rectified, image.metric, image.layout.name) == (True, False, "h36m_17")
 
 
+def test_poses_without_3d_have_none():
+    message = poses_message()
+    message.persons[0].joints = []
+    data = serialize_message(message)
+    image = pose_image(decode("stcalib_ros/msg/PersonPose3DArray", data), topic="/cam0/poses")
+    assert image.joints is None
+    np.testing.assert_array_equal(image.keypoints.ravel(), np.array(message.persons[0].keypoints))
+
+
 def test_messages_are_empty_when_nothing_is_set():
     """No field starts as something that looks observed."""
     assert PersonPose3DArray().persons == []

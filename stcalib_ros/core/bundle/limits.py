@@ -70,9 +70,10 @@ FIRST_FLOOR_PX = 15.0
 multi-view integration, whose poses are off by so much. Chosen on simulated scenes of
 benchmarks.accuracy.level."""
 
-FLOOR_PX = 8.0
-"""Pixels. The same with an adjusted rig: what detectors are off by. Chosen on simulated scenes of
-benchmarks.accuracy.level; not verified on real recordings."""
+FLOOR_PX = 12.0
+"""Pixels. The same with an adjusted rig: what detectors are off by. Chosen on real recordings: the
+man of pose2sim_balance is 4 to 8 px off, beside a woman without errors, and was taken for others
+at 8."""
 
 FIRST_TOLERANCE, TOLERANCE, FINAL_TOLERANCE = 2.0, 1.0, 0.3
 """Standard deviations. The first adjustment, those between and the last one end when a step moves

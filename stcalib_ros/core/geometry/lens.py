@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.arrays import Float64Array, FloatArray
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 
 _MIN_DEPTH = 1e-6
@@ -41,7 +41,7 @@ def _distort(points: Float64Array, intrinsics: Intrinsics) -> Float64Array:
     return np.asarray(pixels, float).reshape(-1, 2)
 
 
-def bearings(pixels: Float64Array, intrinsics: Intrinsics) -> tuple[Float64Array, Float64Array]:
+def bearings(pixels: FloatArray, intrinsics: Intrinsics) -> tuple[Float64Array, Float64Array]:
     """Undistorted image points on the plane z = 1 of the optical frame.
 
     Parameters

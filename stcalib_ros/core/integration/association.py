@@ -20,11 +20,12 @@ from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.integration.limits import (
     BODY_WEIGHT,
-    MAX_BODY_DISTANCE,
     MAX_COST,
+    MAX_DEPTH_ERROR,
     MERGE_COST,
     MIN_SHARED_KEYPOINTS,
     TOLERANCE_FACTOR,
+    USUAL_BODY_DISTANCE,
 )
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, time_span
@@ -77,6 +78,7 @@ class _Samples:
     x: Float64Array  # (P, S, K, J, 3)
     focal: Float64Array  # (P, S, K, J)
     body: Float64Array  # (P, S, K, 3)
+    depth: Float64Array  # (P, S, K)
     present: BoolArray  # (P, S, K)
 
 
@@ -130,20 +132,26 @@ def _sample(camera: LiftedCamera, rig: Rig, i: int, times: Float64Array) -> _Sam
     x = np.full((P, S, K, J, 3), np.nan)
     focal = np.full((P, S, K, J), np.nan)
     body = np.full((P, S, K, 3), np.nan)
+    depth = np.full((P, S, K), np.nan)
     local = times.ravel() - rig.offset_s[i]
     period = frame_period(camera.stamps)
     for p, track in enumerate(camera.tracks):
         at = Interpolation(camera.stamps[track.frames], local, period=period)
         x[p, ..., :2] = at(track.x).reshape(S, K, J, 2)
         focal[p] = at(track.focal).reshape(S, K, J)
-        body[p] = (at(track.root_cam) @ rig.R_ref_cam[i].T + rig.t_ref_cam[i]).reshape(S, K, 3)
+        root = at(track.root_cam)
+        depth[p] = root[:, 2].reshape(S, K)
+        body[p] = (root @ rig.R_ref_cam[i].T + rig.t_ref_cam[i]).reshape(S, K, 3)
     x[..., 2] = np.where(np.isfinite(x[..., 0]), 1.0, np.nan)
-    return _Samples(x, focal, body, np.isfinite(x[..., 0]).any(-1))
+    return _Samples(x, focal, body, depth, np.isfinite(x[..., 0]).any(-1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Distance:
-    """Epipolar distance (px) and distance of the bodies (m) of all pieces of two cameras."""
+    """Epipolar distance (px) and distance of the bodies of all pieces of two cameras.
+
+    The latter over the largest at which they may be one; zero where it is not known.
+    """
 
     epipolar: Float64Array  # (P, Q, S)
     body: Float64Array  # (P, Q, S)
@@ -181,7 +189,9 @@ def _distance(a: _Samples, b: _Samples, R_a_b: Float64Array, t_a_b: Float64Array
         errors = np.abs(sampson(E, x_a, x_b)) * focal
         epipolar[here, there, s] = _median(errors, MIN_SHARED_KEYPOINTS)
         gap = np.linalg.norm(a.body[here, s] - b.body[there, s], axis=-1)
-        body[here, there, s] = _median(gap, 1)
+        reach = MAX_DEPTH_ERROR * (a.depth[here, s] + b.depth[there, s])
+        apart = _median(gap / reach, 1)
+        body[here, there, s] = np.where(np.isfinite(apart), apart, 0.0)
     return _Distance(epipolar, body)
 
 
@@ -200,7 +210,7 @@ def _tolerance(distance: dict[tuple[int, int], _Distance], floor_px: float) -> f
     for d in distance.values():
         if not d.epipolar.size:
             continue
-        gated = np.where(d.body < MAX_BODY_DISTANCE, d.epipolar, np.inf)
+        gated = np.where(d.body < USUAL_BODY_DISTANCE, d.epipolar, np.inf)
         mutual = (gated <= gated.min(0, keepdims=True)) & (gated <= gated.min(1, keepdims=True))
         nearest.append(gated[mutual & np.isfinite(gated)])
     values = np.concatenate(nearest) if nearest else np.zeros(0)
@@ -252,8 +262,7 @@ def _agglomerate(
                 exclusive[i, j] = exclusive[j, i] = together.any()
                 continue
             d = distance[a, b]
-            bodies = d.body[p, q, s] / MAX_BODY_DISTANCE
-            value = d.epipolar[p, q, s] / tolerance + BODY_WEIGHT * bodies**2
+            value = d.epipolar[p, q, s] / tolerance + BODY_WEIGHT * d.body[p, q, s] ** 2
             if np.isfinite(value):
                 cost[i, j] = cost[j, i] = min(float(value), MAX_COST)
                 known[i, j] = known[j, i] = 1.0

@@ -24,7 +24,9 @@ from stcalib_ros.core.integration.limits import (
     DIFFERENT_ROTATION,
     EPIPOLAR_SCALE_PX,
     LAG_SCALE_FRAMES,
+    LENGTH_WEIGHT,
     MAX_RIGS,
+    MIN_LENGTH,
     MIN_RELIABILITY_RATIO,
     POSITION_SCALE,
     ROTATION_SCALE,
@@ -84,6 +86,8 @@ class _Graph:
         self.b = np.array([node[h.b] for h in hypotheses])
         self.R = np.stack([h.R_a_b for h in hypotheses])
         self.t = np.stack([h.t_a_b for h in hypotheses])
+        length = np.linalg.norm(self.t, axis=-1, keepdims=True)
+        self.direction = self.t / np.maximum(length, MIN_LENGTH)
         self.lag = np.array([h.lag_s for h in hypotheses])
         self.weight = np.array([reliability(h) for h in hypotheses])
         self.frame_s = frame_s
@@ -119,7 +123,7 @@ class _Graph:
         relative = np.swapaxes(R_a, -1, -2) @ R[..., self.b, :, :]
         angle = rotation_angle(np.swapaxes(relative, -1, -2) @ self.R)
         predicted = np.einsum("...ji,...j->...i", R_a, t[..., self.b, :] - t[..., self.a, :])
-        distance = np.linalg.norm(predicted - self.t, axis=-1)
+        distance = self._misplaced(predicted - self.t)
         lag = offset[..., self.a] - offset[..., self.b] - self.lag
         return angle, distance, np.abs(lag) / self.frame_s
 
@@ -164,11 +168,36 @@ class _Graph:
             relative = R[self.a] @ self.R @ np.swapaxes(R[self.b], -1, -2)
             R = exp_so3(self._solve(w, log_so3(relative))) @ R
             offset = self._solve(w, -self.lag[:, None])[:, 0]
-            t = self._solve(w, np.einsum("eij,ej->ei", R[self.a], self.t))
+            t = self._centres(w, R)
         end = float(self.support(R, t, offset).sum())
         if end < start:
             (R, t, offset), end = begin, start
         return Rig(self.cameras, R, t, offset, end)
+
+    def _misplaced(self, difference: Float64Array) -> Float64Array:
+        """Length (..., E) of differences of translations; along them, they are less certain."""
+        along = (difference * self.direction).sum(-1)
+        square = (difference**2).sum(-1) - (1.0 - LENGTH_WEIGHT) * along**2
+        return np.asarray(np.sqrt(np.maximum(square, 0.0)))
+
+    def _centres(self, w: Float64Array, R: Float64Array) -> Float64Array:
+        """Camera centres (C, 3), the first one at 0, in weighted least squares of all edges."""
+        C = len(self.cameras)
+        d = np.einsum("eij,ej->ei", R[self.a], self.direction)
+        W = np.eye(3) - (1.0 - LENGTH_WEIGHT) * d[:, :, None] * d[:, None, :]
+        W *= w[:, None, None]
+        g_e = np.einsum("eij,ej->ei", W, np.einsum("eij,ej->ei", R[self.a], self.t))
+        H, g = np.zeros((C, 3, C, 3)), np.zeros((C, 3))
+        for a, b, block, right in zip(self.a, self.b, W, g_e, strict=True):
+            for i, j, sign in ((a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)):
+                H[i, :, j] += sign * block
+            g[b] += right
+            g[a] -= right
+        free = H[1:, :, 1:].reshape(3 * (C - 1), 3 * (C - 1))
+        free = free + 1e-9 * np.trace(free) * np.eye(len(free))
+        t = np.zeros((C, 3))
+        t[1:] = np.linalg.solve(free, g[1:].ravel()).reshape(-1, 3)
+        return t
 
     def _solve(self, w: Float64Array, difference: Float64Array) -> Float64Array:
         """Node values (C, k) with ``value_b - value_a = difference`` in weighted least squares."""

@@ -11,6 +11,13 @@ POSITION_SCALE = 0.5
 """Metres by the size of the people. As `ROTATION_SCALE`, for the translation. Chosen on simulated
 scenes of benchmarks.accuracy.level; not verified on real recordings."""
 
+LENGTH_WEIGHT = 0.1
+"""Ratio of weights. The length of a translation counts for so much of its direction: it is known by
+the size of the people only, to 15 %, and the direction by keypoints, to 0.05 rad. Derived."""
+
+MIN_LENGTH = 1e-9
+"""Metres by the size of the people. Shorter translations have no direction. Numerical."""
+
 LAG_SCALE_FRAMES = 0.7
 """Frames. As `ROTATION_SCALE`, for the lag. Chosen on simulated scenes of
 benchmarks.accuracy.level; not verified on real recordings."""
@@ -20,11 +27,16 @@ MAX_RIGS = 8
 of them. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real
 recordings."""
 
-MAX_BODY_DISTANCE = 1.2
-"""Metres by the size of the people. Bodies that monocular poses place further from each other count
-as strangers where the usual distance is measured, and add half the cost of a merge at this
-distance. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real
-recordings."""
+MAX_DEPTH_ERROR = 0.2
+"""Fraction of the depth of a body by its size. Bodies that are further from each other than that of
+both depths together are hardly one person: half the cost of a merge at this distance. Derived: what
+people differ in size by and limbs are foreshortened; in pose2sim_balance opposite cameras place one
+man up to 1.6 m apart at 4 m."""
+
+USUAL_BODY_DISTANCE = 0.6
+"""Ratio to the distance by `MAX_DEPTH_ERROR`. Bodies further from each other count as strangers
+where the usual epipolar distance is measured. Chosen: 1.2 m for two cameras at 5 m from somebody,
+less than what most strangers keep."""
 
 MIN_SHARED_KEYPOINTS = 12
 """Keypoints of a slot (samples times joints). With fewer in common two pieces have no distance:
@@ -40,7 +52,7 @@ MERGE_COST = 1.0
 within the tolerance belong together."""
 
 BODY_WEIGHT = 0.5
-"""Cost of a merge at `MAX_BODY_DISTANCE`, beside that of the epipolar distance: monocular depths
+"""Cost of a merge at `MAX_DEPTH_ERROR`, beside that of the epipolar distance: monocular depths
 are worse than keypoints. Chosen on simulated scenes of benchmarks.accuracy.level; not verified
 on real recordings."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.graphs import components
 from stcalib_ros.core.geometry.interpolation import frame_period
+from stcalib_ros.core.lifting.keypoint_checks import require_shapes
 from stcalib_ros.core.lifting.limits import MIN_CAMERAS, MIN_MOVEMENT, PERIOD_SLACK
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Insufficient, Status, UncalibratedCamera
@@ -48,11 +49,14 @@ def require_usable(recording: Recording, options: Options) -> int:
     Raises
     ------
     InputError
-        The reference, a known distance or a line delay cannot be used with this recording.
+        The reference, a known distance, a line delay, an array or the method cannot be used with
+        this recording.
     """
     reference = require_reference(recording, options)
+    require_shapes(recording)
     require_known_cameras(recording, options)
     require_line_times(recording)
+    require_poses(recording, options)
     return reference
 
 
@@ -120,8 +124,40 @@ def require_line_times(recording: Recording) -> None:
             )
 
 
-def select_cameras(cameras: Sequence[LiftedCamera], first: int, options: Options) -> Selection:
+def require_poses(recording: Recording, options: Options) -> None:
+    """Check that there are 3D poses where the method needs them.
+
+    Raises
+    ------
+    InputError
+        A camera sees people, but has none.
+    """
+    if options.registration.method != "vmf":
+        return
+    without = [c.name for c in recording.cameras if c.tracks and not c.has_3d_poses]
+    if without:
+        raise InputError(
+            f"registration.method vmf needs 3D poses, and there are none of {', '.join(without)}: "
+            "use the default method, which keypoints are enough for"
+        )
+
+
+def select_cameras(
+    cameras: Sequence[LiftedCamera],
+    first: int,
+    options: Options,
+    faults: Mapping[str, Rejection] | None = None,
+) -> Selection:
     """Select the cameras that observe people and whose clocks can overlap.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+    first : int
+        Index of the reference camera.
+    options : Options
+    faults : mapping of str to Rejection, optional
+        Why cameras observe nobody, by name, where that is known.
 
     Raises
     ------
@@ -130,9 +166,11 @@ def select_cameras(cameras: Sequence[LiftedCamera], first: int, options: Options
     """
     order = [first, *(i for i in range(len(cameras)) if i != first)]
     seeing = [i for i in order if cameras[i].tracks]
+    blind = [cameras[i].name for i in order if i not in seeing]
+    known = faults or {}
     rejected = [
-        UncalibratedCamera(name, Rejection(RejectionReason.NO_PERSONS, (name,)))
-        for name in (cameras[i].name for i in order if i not in seeing)
+        UncalibratedCamera(name, known.get(name, Rejection(RejectionReason.NO_PERSONS, (name,))))
+        for name in blind
     ]
     groups = _overlapping(cameras, seeing, options)
     kept = max(groups, key=len, default=[])

@@ -16,6 +16,7 @@ from stcalib_ros.core.geometry.lens import bearings
 from stcalib_ros.core.geometry.so3 import exp_so3, hat
 from stcalib_ros.core.geometry.triangulation import unit_rays
 from stcalib_ros.core.lifting.body_size import root_by_size
+from stcalib_ros.core.lifting.keypoint_checks import at_one_place
 from stcalib_ros.core.lifting.limits import (
     KEYPOINT_SCALE,
     MAX_ROTATION,
@@ -26,7 +27,7 @@ from stcalib_ros.core.lifting.limits import (
 )
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
-from stcalib_ros.core.model.recording import CameraRecording, Recording, unknown_joints
+from stcalib_ros.core.model.recording import CameraRecording, Recording, Track, unknown_joints
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter, shutter_of
 from stcalib_ros.core.model.skeleton import Skeleton
 
@@ -48,6 +49,8 @@ def lift_recording(
     from_first_row: bool = False,
 ) -> tuple[LiftedCamera, ...]:
     """Lift every track of every camera; tracks without a frame of six keypoints are left out.
+
+    Poses with all keypoints at one place are no persons, and have no keypoints.
 
     Parameters
     ----------
@@ -87,8 +90,7 @@ def _lift_camera(
 ) -> LiftedCamera:
     poses = []
     for track in camera.tracks:
-        scores = track.scores[:, columns]
-        pixels = np.where((scores >= min_score)[..., None], track.keypoints[:, columns], np.nan)
+        pixels = _used_keypoints(track, columns, min_score)
         x, focal = bearings(pixels, camera.intrinsics)
         joints = _metric(track.joints[:, columns], camera, skeleton)
         poses.append((track, pixels[..., 1], x, focal, joints))
@@ -116,6 +118,14 @@ def _lift_camera(
             )
     shutter = shutter or GLOBAL
     return LiftedCamera(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter)
+
+
+def _used_keypoints(track: Track, columns: IntArray, min_score: float) -> FloatArray:
+    """Return the keypoints (F, J, 2) of a track that are used, px; else NaN."""
+    scored = (track.scores[:, columns] >= min_score)[..., None]
+    pixels: FloatArray = np.where(scored, track.keypoints[:, columns], np.nan)
+    pixels[at_one_place(pixels)] = np.nan
+    return pixels
 
 
 def _metric(joints: FloatArray, camera: CameraRecording, skeleton: Skeleton) -> Float64Array | None:

@@ -44,3 +44,18 @@ FACING_LIMBS = 0.8
 """Quantile, of the limbs of a person ordered by how long they appear for their length. The limb at
 it counts as seen from the side: fewer would count noise, more would count limbs that point at the
 camera. Chosen; on the walks of benchmarks.accuracy.level depths are right to about a tenth."""
+
+ONE_PLACE_PX = 1.0
+"""px. A pose whose keypoints are no further apart, in both axes, is that of nobody, and is left
+out. Derived: keypoints have errors of pixels, so that nothing could be estimated from such a pose;
+people of whom something can are tens of px tall."""
+
+NORMALISED_PX = 2.0
+"""px from the centre of the top left pixel. A camera with no keypoint beyond has them in fractions
+of the image, 0..1 or -1..1, and is rejected. Derived: those of joints that are guessed outside of
+the image go to about 1.5; nobody stays within two pixels of the corner of an image."""
+
+NORMALISED_EXTENT = 0.01
+"""Fraction of the image. Keypoints of such a camera are taken for fractions if half of its poses
+are at least as large, else for poses that are all at one place (`ONE_PLACE_PX`). Derived: people of
+whom something can be estimated are larger."""

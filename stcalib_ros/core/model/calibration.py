@@ -95,7 +95,8 @@ class PairResidual:
     n_matches : int
         Number of persons that both observe.
     median_angle_rad : float
-        Median angle between the bone directions of the two monocular poses after rotation.
+        Median angle between the bone directions of the two monocular poses after rotation; NaN
+        without 3D poses.
     epipolar_rms_px : float
         Robust Sampson distance of the matched keypoints.
     """

@@ -11,7 +11,13 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
 from stcalib_ros.core.model.keypoint_layouts import Layout, find_layout
-from stcalib_ros.core.model.recording import CameraRecording, Intrinsics, LensModel, Track
+from stcalib_ros.core.model.recording import (
+    CameraRecording,
+    Intrinsics,
+    LensModel,
+    Track,
+    unknown_joints,
+)
 
 
 def camera_from_arrays(
@@ -23,7 +29,7 @@ def camera_from_arrays(
     frames: ArrayLike,
     track_ids: ArrayLike,
     keypoints: ArrayLike,
-    joints: ArrayLike,
+    joints: ArrayLike | None = None,
     scores: ArrayLike | None = None,
     layout: str | Layout = "coco_17",
     D: Sequence[float] = (),
@@ -49,10 +55,11 @@ def camera_from_arrays(
     track_ids : (M,) array_like of int
         Person of each pose according to this camera's own tracker; not shared between cameras.
     keypoints : (M, J, 2) array_like
-        Image positions, px; NaN where not detected.
-    joints : (M, J, 3) array_like
+        Image positions, px, not fractions of the image; NaN or (0, 0) where not detected.
+    joints : (M, J, 3) array_like, optional
         Monocular 3D poses in the axes of the optical frame (x right, y down, z forward), metres
-        or up to scale, with any origin; NaN where unknown.
+        or up to scale, with any origin; NaN where unknown. Default: there are none, and the
+        keypoints are used alone.
     scores : (M, J) array_like, optional
         Confidence of each joint, 0..1. Default: 1 where a keypoint was detected, else 0.
     layout : str or Layout
@@ -131,21 +138,24 @@ def _tracks(
     frames: IntArray,
     track_ids: ArrayLike,
     keypoints: ArrayLike,
-    joints: ArrayLike,
+    joints: ArrayLike | None,
     scores: ArrayLike | None,
     layout: Layout,
 ) -> tuple[Track, ...]:
     M, J = len(frames), layout.n_joints
     ids = _integers("track_ids", track_ids, (M,))
     points = _array("keypoints", keypoints, (M, J, 2))
-    poses = _array("joints", joints, (M, J, 3))
+    poses = None if joints is None else _array("joints", joints, (M, J, 3))
+    points[~points.any(axis=-1)] = np.nan
     detected = np.isfinite(points).all(axis=-1)
     given = _array("scores", detected if scores is None else scores, (M, J))
     tracks = []
     for track_id in np.unique(ids):
         rows = np.flatnonzero(ids == track_id)
         rows = rows[np.argsort(frames[rows], kind="stable")]
-        tracks.append(Track(int(track_id), frames[rows], points[rows], poses[rows], given[rows]))
+        own = points[rows]
+        joints_cam = unknown_joints(own) if poses is None else poses[rows]
+        tracks.append(Track(int(track_id), frames[rows], own, joints_cam, given[rows]))
     return tuple(tracks)
 
 

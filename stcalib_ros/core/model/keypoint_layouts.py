@@ -66,6 +66,23 @@ _BODY_PARENT = {
 TRUNK_JOINTS = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
 """Joints whose mean is the middle of the body."""
 
+_N_FACE = 68
+"""Landmarks of a face, count, as COCO-WholeBody and Halpe number them. Definition."""
+_FINGERS = ("thumb", "forefinger", "middle_finger", "ring_finger", "pinky_finger")
+
+
+def _hand(side: str) -> tuple[str, ...]:
+    """Return the 21 keypoints of a hand in the order of COCO-WholeBody."""
+    fingers = (f"{side}_{finger}{k}" for finger in _FINGERS for k in range(1, 5))
+    return (f"{side}_hand_root", *fingers)
+
+
+_FACE = tuple(f"face-{k}" for k in range(_N_FACE))
+DETAILS = frozenset((*_FACE, *_hand("left"), *_hand("right")))
+"""Keypoints of faces and hands in whole-body layouts, which are read but not used: all points of a
+face move as the nose does, those of a hand as the wrist, within the noise of keypoints at the
+distances of a calibration, and they would be five sixths of the cost."""
+
 
 @dataclass(frozen=True, slots=True)
 class Layout:
@@ -169,6 +186,29 @@ _BODY_25 = (
     "right_ear left_ear left_big_toe left_small_toe left_heel right_big_toe right_small_toe "
     "right_heel"
 ).split()
+_COCO_18 = (
+    "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist "
+    "right_hip right_knee right_ankle left_hip left_knee left_ankle right_eye left_eye right_ear "
+    "left_ear"
+).split()
+_BODY_25B = (
+    *_COCO_17,
+    *("upper_neck", "head_top", "left_big_toe", "left_small_toe", "left_heel"),
+    *("right_big_toe", "right_small_toe", "right_heel"),
+)
+_HALPE_26 = (
+    *_COCO_17,
+    *("head", "neck", "pelvis", "left_big_toe", "right_big_toe", "left_small_toe"),
+    *("right_small_toe", "left_heel", "right_heel"),
+)
+_COCO_WHOLEBODY_133 = (
+    *_COCO_17,
+    *("left_big_toe", "left_small_toe", "left_heel"),
+    *("right_big_toe", "right_small_toe", "right_heel"),
+    *_FACE,
+    *_hand("left"),
+    *_hand("right"),
+)
 _BLAZEPOSE_33 = (
     "nose left_eye_inner left_eye left_eye_outer right_eye_inner right_eye right_eye_outer "
     "left_ear right_ear mouth_left mouth_right left_shoulder right_shoulder left_elbow "
@@ -192,8 +232,16 @@ _BODY_38 = (
 LAYOUTS: dict[str, Layout] = {
     "h36m_17": layout_from_names(_H36M_17, name="h36m_17"),
     "coco_17": layout_from_names(_COCO_17, name="coco_17"),
+    "coco_18": layout_from_names(
+        _COCO_18, name="coco_18", parent_of={"left_shoulder": "neck", "right_shoulder": "neck"}
+    ),
     "coco_19": layout_from_names(_COCO_19, name="coco_19"),
+    "coco_wholebody_133": layout_from_names(_COCO_WHOLEBODY_133, name="coco_wholebody_133"),
     "body_25": layout_from_names(_BODY_25, name="body_25"),
+    "body_25b": layout_from_names(
+        _BODY_25B, name="body_25b", parent_of={"nose": "upper_neck", "head_top": "upper_neck"}
+    ),
+    "halpe_26": layout_from_names(_HALPE_26, name="halpe_26"),
     "blazepose_33": layout_from_names(_BLAZEPOSE_33, name="blazepose_33"),
     "smpl_24": layout_from_names(
         _SMPL_24,

@@ -6,7 +6,7 @@ Frames are in the names: ``R_ref_cam`` turns coordinates of the camera's optical
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -112,6 +112,11 @@ class CameraRecording:
     metric: bool = False
     line_time_s: float = 0.0
 
+    @property
+    def has_3d_poses(self) -> bool:
+        """Whether any 3D pose is known."""
+        return any(bool(np.isfinite(track.joints[..., 0]).any()) for track in self.tracks)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
@@ -156,21 +161,34 @@ def excerpt(
     )
 
 
-def keypoints_only(recording: Recording) -> Recording:
-    """Return the recording without its monocular 3D poses: what a 2D pose estimator gives."""
+def keypoints_only(recording: Recording, cameras: Collection[str] | None = None) -> Recording:
+    """Return the recording without its monocular 3D poses: what a 2D pose estimator gives.
+
+    Parameters
+    ----------
+    recording : Recording
+    cameras : collection of str, optional
+        Names of the cameras that have none. Default: all.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stcalib_ros as st
+    >>> scene = st.simulate(st.SceneOptions(n_cameras=2, n_frames=30))
+    >>> mixed = st.keypoints_only(scene.recording, ["cam1"])
+    >>> [bool(np.isfinite(camera.tracks[0].joints).any()) for camera in mixed.cameras]
+    [True, False]
+    """
+    names = {camera.name for camera in recording.cameras} if cameras is None else set(cameras)
     return replace(
         recording,
-        cameras=tuple(
-            replace(
-                camera,
-                tracks=tuple(
-                    replace(track, joints=unknown_joints(track.keypoints))
-                    for track in camera.tracks
-                ),
-            )
-            for camera in recording.cameras
-        ),
+        cameras=tuple(_without_3d(c) if c.name in names else c for c in recording.cameras),
     )
+
+
+def _without_3d(camera: CameraRecording) -> CameraRecording:
+    tracks = (replace(track, joints=unknown_joints(track.keypoints)) for track in camera.tracks)
+    return replace(camera, tracks=tuple(tracks))
 
 
 def unknown_joints(keypoints: FloatArray) -> FloatArray:

@@ -14,8 +14,16 @@ _SENTENCES = {
         "two that see the same people"
     ),
     _R.NO_PERSONS: (
-        "no person with enough keypoints and 3D joints: check the pose estimator's output, and "
-        "min_score"
+        "no person with enough keypoints: check the pose estimator's output, and min_score"
+    ),
+    _R.KEYPOINTS_NORMALISED: (
+        "its keypoints look normalised: they lie between {least:.2g} and {measured:.2g}, where "
+        "pixels of an image of {width:.0f} x {height:.0f} are expected; multiply those of 0..1 by "
+        "the image size (those of -1..1: add 1, and multiply by half of it)"
+    ),
+    _R.KEYPOINTS_COINCIDE: (
+        "all keypoints of each person are at one place, within {measured:.2g} px: check the pose "
+        "estimator's output"
     ),
     _R.CLOCK_EPOCH_DIFFERS: (
         "its clock does not overlap with the others: {begin_s:.1f}..{end_s:.1f} s against "
@@ -77,6 +85,15 @@ _SENTENCES = {
         "people would be {measured:.1f} times as far from it as their size says, between "
         "{least:.2f} and {limit:.1f} is the limit: persons may be mixed up; record a longer clip "
         "with people who move differently"
+    ),
+    _R.LIMBS_DISAGREE: (
+        "limbs of people would vary in length by {measured:.0%}, {limit:.0%} are the limit: the "
+        "keypoints fit, but not to bodies; let people walk across more of its view, and where "
+        "other cameras see them from the side"
+    ),
+    _R.NOTHING_TO_VERIFY: (
+        "no limb of anybody is seen by it and another camera for long enough to verify its pose: "
+        "let people be in its view as a whole, and for longer"
     ),
     _R.ROTATION_UNCERTAIN: (
         "its rotation is uncertain by {measured_deg:.1f} degrees, {limit_deg:.1f} are the limit: "
@@ -141,7 +158,15 @@ _REMARKS = {
         "everybody stays on one line: people who walk across it would determine more"
     ),
     RemarkCode.RECORD_LONGER: "a clip twice as long would make that about 30 % less",
+    RemarkCode.POSES_LEFT_OUT: (
+        "{camera}: {n_left_out:.0f} of {n_poses:.0f} poses are left out, since all of their "
+        "keypoints are at one place: check the pose estimator's output"
+    ),
     RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
+    RemarkCode.VERIFIED_BY_LIMBS_ALONE: (
+        "no 3D poses verify {cameras}: only the lengths of people's limbs do, which vary by "
+        "{limb_variation_percent:.1f} %"
+    ),
 }
 _ADDITIONS = {
     "offset_stddev_ms": ", clock to {offset_stddev_ms:.2g} ms",
@@ -192,7 +217,8 @@ def remark_sentence(remark: Remark) -> str:
     camera, partner = (*remark.cameras, "", "")[:2]
     ends = [end for name, end in _ADDITIONS.items() if name in remark.values]
     text = "".join([_REMARKS[remark.code], *ends])
-    return text.format_map(_Values(remark.values, camera=camera, partner=partner))
+    names = {"camera": camera, "partner": partner, "cameras": ", ".join(remark.cameras)}
+    return text.format_map(_Values(remark.values, **names))
 
 
 def whole_sentences(remarks: Sequence[Remark], rejections: Sequence[Rejection]) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
-from stcalib_ros.core.model.keypoint_layouts import Layout, layout_from_names
+from stcalib_ros.core.model.keypoint_layouts import DETAILS, Layout, layout_from_names
 from stcalib_ros.core.model.recording import Recording
 
 _SIDES = ("left", "right")
@@ -54,7 +54,7 @@ class Skeleton:
 
 
 def common_skeleton(recording: Recording) -> Skeleton:
-    """Return the joints and directions that all cameras have in common.
+    """Return the joints and directions that all cameras have in common, without `DETAILS`.
 
     Raises
     ------
@@ -63,15 +63,16 @@ def common_skeleton(recording: Recording) -> Skeleton:
     """
     layouts = [camera.layout for camera in recording.cameras]
     layout = layouts[0]
-    if any(other.joint_names != layout.joint_names for other in layouts):
-        shared = set.intersection(*(set(one.joint_names) for one in layouts))
+    shared = set.intersection(*(set(one.joint_names) for one in layouts)) - DETAILS
+    if any(set(one.joint_names) != shared for one in layouts):
         layout = layout_from_names([n for n in layout.joint_names if n in shared], name="common")
     directions, names = bone_vectors(layout)
     if len(directions) < _MIN_DIRECTIONS:
         given = ", ".join(f"{c.name}: {c.layout.name}" for c in recording.cameras)
         raise InputError(
             f"the layouts ({given}) have only {layout.n_joints} joints and {len(directions)} bones "
-            "in common: use layouts whose joint_names agree"
+            "in common: use layouts whose joint_names agree, with the names that built-in layouts "
+            "have (left_hip, left_knee, ...)"
         )
     columns = tuple(
         np.array([one.index(name) for name in layout.joint_names], dtype=np.int64)

@@ -197,7 +197,8 @@ def _scale(
         )
     cues = [cue for cue in given if cue is not None]
     by_user = fuse(cues)
-    if not all(recording.cameras[c].metric for c in last.rig.cameras):
+    lifted = [c for c in (recording.cameras[i] for i in last.rig.cameras) if c.has_3d_poses]
+    if not lifted or not all(camera.metric for camera in lifted):
         return by_user
     poses = ScaleCue("the metric 3D poses", depth_scale(cameras, last), scale.poses_sigma)
     try:

@@ -84,7 +84,7 @@ def bones(layout: Layout) -> tuple[tuple[int, int], ...]:
     """Return the pairs of joints that a figure connects: every bone, and the trunk's outline."""
     pairs = [(p, j) for j, p in enumerate(layout.parents) if p >= 0]
     names = layout.joint_names
-    if not {"spine", "spine1", "neck", "pelvis"} & set(names):
+    if not {"spine", "spine1", "pelvis"} & set(names):
         pairs += [(names.index(a), names.index(b)) for a, b in _LINES if {a, b} <= set(names)]
     return tuple(pairs)
 

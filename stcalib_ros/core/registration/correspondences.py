@@ -13,9 +13,9 @@ from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.relative_pose import RelativePose
 
-MAX_POINTS = 1500
+MAX_POINTS = 800
 """Keypoints of a pair that are compared, about. Numerical: bounds the cost."""
-_MAX_NOISE_FRAMES = 300
+_MAX_NOISE_FRAMES = 100
 """Frames of a track by which noise is measured, at most. Numerical: bounds the cost."""
 
 

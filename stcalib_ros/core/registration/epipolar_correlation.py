@@ -62,26 +62,22 @@ class KeypointMoments:
     ----------
     values : tuple of (6, F, J) ndarray
         Monomials of each track, over the samples from its first to its last; 0 where not observed.
-    first : (P,) ndarray of int
-        Sample of the grid at which each of them begins.
+    first, end : (P,) ndarray of int
+        Samples of the grid at which each of them begins, and after which it has ended.
     focal_px : float
         Usual focal length.
     """
 
     values: tuple[Float64Array, ...]
     first: IntArray
+    end: IntArray
     focal_px: float
-
-    @property
-    def end(self) -> IntArray:
-        """Sample of the grid (P,) after the last one of each track."""
-        return self.first + np.array([v.shape[1] for v in self.values], dtype=np.int64)
 
     def thinned(self, every: int) -> KeypointMoments:
         """Keep every n-th sample of the grid."""
         start = -self.first % every
         values = tuple(v[:, s::every] for v, s in zip(self.values, start, strict=True))
-        return KeypointMoments(values, (self.first + start) // every, self.focal_px)
+        return _of_values(values, (self.first + start) // every, self.focal_px)
 
 
 def keypoint_moments(camera: LiftedCamera, grid: Grid) -> KeypointMoments:
@@ -99,9 +95,15 @@ def keypoint_moments(camera: LiftedCamera, grid: Grid) -> KeypointMoments:
         values.append(_monomials(x))
         first.append(begin)
     focal = [np.nanmedian(track.focal) for track in camera.tracks]
-    return KeypointMoments(
-        tuple(values), np.array(first, dtype=np.int64), float(np.median(focal)) if focal else 1.0
-    )
+    focal_px = float(np.median(focal)) if focal else 1.0
+    return _of_values(tuple(values), np.array(first, dtype=np.int64), focal_px)
+
+
+def _of_values(
+    values: tuple[Float64Array, ...], first: IntArray, focal_px: float
+) -> KeypointMoments:
+    lengths = np.array([v.shape[1] for v in values], dtype=np.int64)
+    return KeypointMoments(values, first, first + lengths, focal_px)
 
 
 def _monomials(x: Float64Array) -> Float64Array:

@@ -273,7 +273,8 @@ class _Pair:
         """Pairs of tracks (K, 2) that have enough points in common at a lag, and their sums."""
         begin = np.maximum(self.a.first[:, None], self.b.first - lag)
         end = np.minimum(self.a.end[:, None], self.b.end - lag)
-        pairs = np.argwhere(end > begin)
+        joints = self.a.values[0].shape[-1]
+        pairs = np.argwhere((end - begin) * joints >= MIN_GROWTH_POINTS)
         pairs = pairs[~self._excluded(pairs, [seed])]
         sums = [moments_at(self.a, self.b, int(p), int(q), lag) for p, q in pairs]
         c = np.array(sums).reshape(-1, 6, 6)

@@ -61,8 +61,10 @@ def cut_tracks(camera: LiftedCamera, layout: Layout) -> Pieces:
     mirrored = mirrored_joints(layout)
     pieces, track = [], []
     for p, whole in enumerate(camera.tracks):
-        for piece in _between_jumps(whole, camera.stamps[whole.frames]):
-            pieces.append(_unmirrored(piece, camera.stamps[piece.frames], mirrored))
+        times = camera.stamps[whole.frames]
+        # In this order: where the sides change places, most joints jump.
+        for piece in _between_jumps(_unmirrored(whole, times, mirrored), times):
+            pieces.append(piece)
             track.append(p)
     return Pieces(replace(camera, tracks=tuple(pieces)), np.array(track, dtype=np.int64))
 

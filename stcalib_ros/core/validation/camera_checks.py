@@ -1,8 +1,8 @@
 """Checks of each camera: what supports its pose and clock, and whether that is enough.
 
-The adjustment only knows keypoints. The monocular 3D poses are an independent check: their bones
-must point the way that the rotations say, and people must be as far from every camera as their size
-says. Other time offsets are tried on the epipolar lines.
+The adjustment only knows keypoints. Independent of it are the bodies: limbs keep their length, and
+people are as far from every camera as their size says. Where there are monocular 3D poses, their
+bones must point the way that the rotations say. Other time offsets are tried on the epipolar lines.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.validation.cross_view import bone_rotations, depth_ratios, usual_distances
+from stcalib_ros.core.validation.limb_lengths import limb_variations
 from stcalib_ros.core.validation.lookalikes import has_lookalike_alternative
 from stcalib_ros.core.validation.offset_ambiguity import offset_peak_ratios
 from stcalib_ros.core.validation.thresholds import DEFAULT, CheckThresholds
@@ -55,10 +56,13 @@ class CameraChecks:
         Standard deviation of its time offset.
     bone_rotation : float
         Angle between its rotation and that of the bones of the monocular poses, rad; the smallest
-        over the cameras that it shares people with.
+        over the cameras that it shares people with. NaN where there are too few 3D poses to tell.
     depth_ratio : float
         Distance of people by triangulation over distance by their size, relative to the other
-        cameras.
+        cameras. NaN where no size is known.
+    limb_variation : float
+        By how much the lengths of people's limbs vary over time and between left and right, of the
+        limbs that it observes: root mean square, relative. NaN where too few are observed.
     offset_peak_ratio : float
         Error at the best other time offset, three frames or more away, over the error at its own.
     alternative_offset_s : float
@@ -79,6 +83,7 @@ class CameraChecks:
     offset_stddev_frames: float
     bone_rotation: float
     depth_ratio: float
+    limb_variation: float
     offset_peak_ratio: float
     alternative_offset_s: float
     has_lookalikes: bool = False
@@ -114,13 +119,8 @@ def _unsupported(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Reje
         yield _violated(
             RejectionReason.TOO_MANY_OUTLIERS, checks.inlier_fraction, limits.min_inlier_fraction
         )
-    certain = (
-        checks.rotation_stddev < limits.certain_rotation_stddev
-        and checks.bone_rotation < limits.certain_bone_rotation
-        and checks.offset_peak_ratio > limits.certain_offset_peak_ratio
-    )
     explained = checks.explained_fraction
-    if explained < limits.min_explained_fraction and not certain:
+    if explained < limits.min_explained_fraction and not _is_certain(checks, limits):
         yield _violated(
             RejectionReason.TOO_LITTLE_EXPLAINED, explained, limits.min_explained_fraction
         )
@@ -135,17 +135,36 @@ def _unsupported(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Reje
         )
 
 
+def _is_certain(checks: CameraChecks, limits: CheckThresholds) -> bool:
+    """Whether what agrees determines a camera so well that it does not matter how much does not.
+
+    Limbs have to confirm it, and so have the bones of 3D poses where there are any.
+    """
+    return (
+        checks.rotation_stddev < limits.certain_rotation_stddev
+        and checks.limb_variation < limits.certain_limb_variation
+        and not checks.bone_rotation >= limits.certain_bone_rotation
+        and checks.offset_peak_ratio > limits.certain_offset_peak_ratio
+    )
+
+
 def _mixed_up(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Rejection]:
-    """Yield what says that persons are taken for each other."""
+    """Yield what says that persons are taken for each other; what is unknown (NaN) says nothing."""
     if checks.has_lookalikes:
         yield Rejection(RejectionReason.LOOKALIKES)
-    if not checks.bone_rotation < limits.max_bone_rotation:
+    if checks.bone_rotation >= limits.max_bone_rotation:
         yield _violated(
             RejectionReason.BONES_DISAGREE, checks.bone_rotation, limits.max_bone_rotation, "rad"
         )
     least, most = 1 / limits.max_depth_ratio, limits.max_depth_ratio
-    if not least < checks.depth_ratio < most:
+    if checks.depth_ratio <= least or checks.depth_ratio >= most:
         yield _violated(RejectionReason.DISTANCES_DISAGREE, checks.depth_ratio, most, least=least)
+    if checks.limb_variation >= limits.max_limb_variation:
+        yield _violated(
+            RejectionReason.LIMBS_DISAGREE, checks.limb_variation, limits.max_limb_variation
+        )
+    if np.isnan(checks.bone_rotation) and np.isnan(checks.limb_variation):
+        yield Rejection(RejectionReason.NOTHING_TO_VERIFY)
 
 
 def _uncertain(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Rejection]:
@@ -218,9 +237,7 @@ def check_cameras(
     shared_s = last.state.inlier.any(2).sum(0) * frame_s
     total = image_points([cameras[c] for c in last.rig.cameras])
     reach = usual_distances(last)
-    rotation = bone_rotations(cameras, skeleton, last)
-    depth = depth_ratios(cameras, last)
-    depth /= np.nanmedian(depth) if np.isfinite(depth).any() else 1.0
+    bodies = _body_checks(cameras, skeleton, last)
     lookalikes = has_lookalike_alternative(last)
     found = []
     for c in range(len(last.rig.cameras)):
@@ -234,8 +251,9 @@ def check_cameras(
                 rotation_stddev=largest_stddev(block[ROTATION_ROWS, ROTATION_ROWS]),
                 position_stddev=largest_stddev(block[CENTRE_ROWS, CENTRE_ROWS]) / float(reach[c]),
                 offset_stddev_frames=largest_stddev(block[OFFSET_ROW:, OFFSET_ROW:]) / frame_s,
-                bone_rotation=float(np.nanmin(rotation[c], initial=np.inf)),
-                depth_ratio=float(depth[c]),
+                bone_rotation=float(bodies.bone_rotation[c]),
+                depth_ratio=float(bodies.depth_ratio[c]),
+                limb_variation=float(bodies.limb_variation[c]),
                 offset_peak_ratio=float(offsets.peak_ratio[c]),
                 alternative_offset_s=float(offsets.alternative_s[c]),
                 has_lookalikes=bool(lookalikes[c]),
@@ -243,6 +261,29 @@ def check_cameras(
             )
         )
     return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _BodyChecks:
+    """Fields of `CameraChecks` about bodies, of all cameras (C,)."""
+
+    bone_rotation: Float64Array
+    depth_ratio: Float64Array
+    limb_variation: Float64Array
+
+
+def _body_checks(
+    cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration
+) -> _BodyChecks:
+    angle = bone_rotations(cameras, skeleton, last)
+    least = np.where(np.isfinite(angle), angle, np.inf).min(1)
+    depth = depth_ratios(cameras, last)
+    usual = np.nanmedian(depth) if np.isfinite(depth).any() else 1.0
+    return _BodyChecks(
+        bone_rotation=np.where(np.isfinite(least), least, np.nan),
+        depth_ratio=depth / usual,
+        limb_variation=limb_variations(skeleton, last),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

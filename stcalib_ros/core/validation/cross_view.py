@@ -116,6 +116,8 @@ def usual_distances(last: Iteration) -> Float64Array:
 def depth_ratios(cameras: Sequence[LiftedCamera], last: Iteration) -> Float64Array:
     """Compare triangulated depths of people with those of their monocular 3D poses.
 
+    Where there is no 3D pose, all joints are as far away as the size of the limbs says.
+
     Parameters
     ----------
     cameras : sequence of LiftedCamera
@@ -162,7 +164,8 @@ def _lifted_depths(camera: LiftedCamera, tracks: IntArray, times: Float64Array) 
         track = camera.tracks[p]
         rows, stamps = np.flatnonzero(tracks == p), camera.stamps[track.frames]
         nearest = np.searchsorted(0.5 * (stamps[1:] + stamps[:-1]), times[rows])
-        depth[rows] = track.joints_cam[nearest, :, 2]
+        poses, roots = track.joints_cam[nearest, :, 2], track.root_cam[nearest, 2:]
+        depth[rows] = np.where(np.isfinite(poses).any(1, keepdims=True), poses, roots)
     return depth
 
 
@@ -183,9 +186,9 @@ def pair_residuals(
     for a in range(len(rig.cameras)):
         for b in range(a + 1, len(rig.cameras)):
             matches = matches_of(last, a, b)
-            v_a, v_b = _matched_bones(cameras, skeleton, last, a, b)
-            if not len(v_a):
+            if not matches:
                 continue
+            v_a, v_b = _matched_bones(cameras, skeleton, last, a, b)
             pose = relative_pose(rig, a, b, matches)
             persons = set(last.association.person_of[a].ravel().tolist()) & set(
                 last.association.person_of[b].ravel().tolist()
@@ -203,7 +206,9 @@ def pair_residuals(
 
 
 def _median_angle(v: Float64Array, w: Float64Array) -> float:
-    """Median angle between two lists of vectors (M, 3), rad."""
+    """Median angle between two lists of vectors (M, 3), rad; NaN without any."""
+    if not len(v):
+        return float("nan")
     cosine = (v * w).sum(-1) / np.maximum(
         np.linalg.norm(v, axis=-1) * np.linalg.norm(w, axis=-1), 1e-12
     )

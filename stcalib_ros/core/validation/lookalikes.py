@@ -1,7 +1,8 @@
 """Cameras that would fit at another place as well, since everybody they observe has a look-alike.
 
 Among people who move identically, a camera that observes only some of them cannot know which ones.
-It fits as well where one rigid motion takes each person that it observes to a look-alike.
+It fits as well where one rigid motion takes each person that it observes to a look-alike. Who is
+at the same place is no look-alike, but the same person in two pieces.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from stcalib_ros.core.validation.thresholds import (
     MIN_JOINTS_OF_PERSON,
     MIN_LOOKALIKE_OVERLAP,
     MIN_LOOKALIKE_SAMPLES,
+    SAME_PLACE_DISTANCE,
 )
 
 _MAX_SAMPLES = 200
@@ -71,6 +73,8 @@ def _all_have_lookalikes(paths: Float64Array, observed: BoolArray) -> bool:
     for other in range(len(paths)):
         here, there = paths[first, observed[first]], paths[other, observed[first]]
         if other == first or not _overlaps(here, there):
+            continue
+        if np.nanmedian(np.linalg.norm(here - there, axis=-1)) < SAME_PLACE_DISTANCE:
             continue
         both = np.isfinite(here + there).all(-1)
         _, R, _ = umeyama(here[both], there[both])

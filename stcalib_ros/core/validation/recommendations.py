@@ -99,3 +99,25 @@ def unobservable_clock_skews(last: Iteration) -> tuple[Remark, ...]:
             "enough_s": length_s * (worst / MAX_SKEW_STDDEV) ** (2.0 / 3.0),
         }
     return (Remark(RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE, values=values),)
+
+
+def without_poses(names: Sequence[str], checks: Sequence[CameraChecks]) -> tuple[Remark, ...]:
+    """Return which cameras have no 3D poses to verify them by; empty where all have.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the cameras of the rig.
+    checks : sequence of CameraChecks
+        Checks of the same cameras.
+    """
+    without = [
+        (name, one.limb_variation)
+        for name, one in zip(names, checks, strict=True)
+        if np.isnan(one.bone_rotation)
+    ]
+    if not without:
+        return ()
+    values = {"limb_variation_percent": 100.0 * max(variation for _, variation in without)}
+    cameras = tuple(name for name, _ in without)
+    return (Remark(RemarkCode.VERIFIED_BY_LIMBS_ALONE, cameras, values),)

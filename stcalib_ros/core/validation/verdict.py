@@ -18,6 +18,7 @@ from stcalib_ros.core.validation.motion_ambiguity import find_ambiguity
 from stcalib_ros.core.validation.recommendations import (
     recommend,
     unobservable_clock_skews,
+    without_poses,
 )
 
 
@@ -113,6 +114,7 @@ def judge(
     remarks = (
         *recommend(names, solution.checks, last),
         *unobservable_clock_skews(last),
+        *without_poses(names, solution.checks),
     )
     left_out = solution.exclusions.cameras
     explained = find_ambiguity(cameras, skeleton, last).rejections() if left_out else ()

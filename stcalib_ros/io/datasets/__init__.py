@@ -29,20 +29,22 @@ DATASETS: Mapping[str, Callable[[Path, DatasetOptions], Dataset]] = {
 def read_dataset(name: str, path: Path, options: DatasetOptions) -> dict[str, NDArray[Any]]:
     """Arrays of a multi-view file (see `stcalib_ros.io.convert.convert_npz`) of a data set.
 
-    The poses are those of a detector and a lifter where `options.poses` names them; else the
-    true 3D joints of the data set with Gaussian noise, as in the paper's own experiments.
+    The poses are those of a detector, and of a lifter if there is one, where `options.poses` names
+    them; else the true 3D joints of the data set with Gaussian noise, as in the paper's own
+    experiments.
 
     Raises
     ------
     InputError
-        A file is missing or has another form, or the data set has no 3D poses and none are given.
+        A file is missing or has another form, or the data set has no poses and none are given.
     """
     dataset = DATASETS[name](path, options)
     if options.poses is not None:
         return arrays_of(dataset, pose_detections(dataset, options.poses))
     if not dataset.joint_names:
         raise InputError(
-            f"{path} has no 3D poses: give those of a detector and a lifter with --poses"
+            f"{path} has no poses: give those of a detector, and of a lifter if there is one, with "
+            "--poses"
         )
     rng = np.random.default_rng(options.seed)
     return arrays_of(dataset, noisy_detections(dataset, options.sigma_px, rng))

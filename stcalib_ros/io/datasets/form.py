@@ -31,7 +31,8 @@ class DatasetOptions:
     first, last : int
         Frames by the numbering of the data set, both included; `last` below 0: to the end.
     poses : Path or None
-        Folder with the poses of a detector and a lifter (see `alphapose.pose_detections`).
+        Folder with the poses of a detector, and of a lifter where there is one (see
+        `alphapose.pose_detections`).
     sigma_px : float
         Noise added to the true joints without `poses`, px per axis.
     seed : int
@@ -109,8 +110,8 @@ class Detections:
         Indices; tracks are of one camera; person -1: unknown.
     kp2d : (N, J, 3) ndarray
         x, y in px and score; 0, 0, 0 where not detected.
-    kp3d : (N, J, 3) ndarray
-        Monocular pose in the axes of the camera.
+    kp3d : (N, J, 3) ndarray or None
+        Monocular pose in the axes of the camera; None: there are none.
     joint_names : tuple of str
     metric : bool
         `kp3d` is in metres.
@@ -121,7 +122,7 @@ class Detections:
     track: IntArray
     person: IntArray
     kp2d: Float64Array
-    kp3d: Float64Array
+    kp3d: Float64Array | None
     joint_names: tuple[str, ...]
     metric: bool
 
@@ -154,6 +155,8 @@ def _noisy_camera(
 
 def arrays_of(dataset: Dataset, detections: Detections) -> dict[str, NDArray[Any]]:
     """Return the arrays of a multi-view file."""
+    names = np.array(detections.joint_names)
+    lifted = {} if detections.kp3d is None else {"det_kp3d": detections.kp3d, "kp3d_names": names}
     return {
         "camera_names": np.array(dataset.names),
         "image_size": dataset.image_size,
@@ -168,10 +171,9 @@ def arrays_of(dataset: Dataset, detections: Detections) -> dict[str, NDArray[Any
         "det_track": detections.track,
         "det_person": detections.person,
         "det_kp2d": detections.kp2d,
-        "det_kp3d": detections.kp3d,
-        "kp_names": np.array(detections.joint_names),
-        "kp3d_names": np.array(detections.joint_names),
+        "kp_names": names,
         "metric": np.array(detections.metric),
+        **lifted,
     }
 
 

@@ -25,9 +25,10 @@ def verdicts(section):
 def played(monkeypatch):
     """Calibrations whose cost is a function of their size."""
 
-    def cost(scene, options):
+    def cost(scene, options, *, without_3d):
         size = scene.n_frames * scene.n_cameras**1.5 * scene.n_people
-        return timing(1e-5 * size * (1 + 0.01 * options.offset_range_s))
+        factor = 2.0 if without_3d else 1.0
+        return timing(factor * 1e-5 * size * (1 + 0.01 * options.offset_range_s))
 
     monkeypatch.setattr(speed, "in_own_process", cost)
     monkeypatch.setattr(speed, "startup_cpu_s", lambda: 0.1)
@@ -89,8 +90,17 @@ def test_command(played, capsys):
     assert sections["offset range"]["rows"][0]["value"] == pytest.approx(1.1 / 1.0033)
 
 
+def test_every_case_is_measured_without_3d_poses_too(played):
+    given = {case.name: case for case in speed.CASES}
+    for name, case in given.items():
+        assert case.without_3d == name.endswith("-2d")
+        assert name in given if case.without_3d else f"{name}-2d" in given
+    base, without = (speed.measured(given[name], 1)[0] for name in ("base", "base-2d"))
+    assert without.cpu_s == pytest.approx(2.0 * base.cpu_s)
+
+
 def test_a_missed_target_is_an_exit_status(played, monkeypatch):
     monkeypatch.setattr(speed, "startup_cpu_s", lambda: 0.6)
     assert speed.main(["--only", "start"]) == 1
-    monkeypatch.setattr(speed, "in_own_process", lambda *_: timing(failure="no"))
+    monkeypatch.setattr(speed, "in_own_process", lambda *_, **__: timing(failure="no"))
     assert speed.main(["--only", "narrow", "--scenes", "1"]) == 1

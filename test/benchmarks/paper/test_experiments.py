@@ -16,7 +16,7 @@ from benchmarks.paper.multiview import rig_errors
 from benchmarks.paper.pairwise import N_FRAMES, T, inside_windows, noise_rows
 from benchmarks.paper.report import read_notes, write_report
 from benchmarks.paper.run import Row, Task, row, run_tasks, stored
-from benchmarks.paper.scenes import SCENES, SEARCH_FRAMES, late, window_starts
+from benchmarks.paper.scenes import SCENES, SEARCH_FRAMES, late, seen_by, window_starts
 from benchmarks.paper.tables import PRINTED, tables
 from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
@@ -75,6 +75,14 @@ def test_windows_have_a_counterpart_at_every_offset() -> None:
     assert max(starts) + T + SEARCH_FRAMES == N_FRAMES
 
 
+def test_without_3d_poses_only_the_default_is_run() -> None:
+    recording = simulate(SceneOptions(n_frames=10, n_people=1)).recording
+    for method, known in (("2D only", False), ("default", True), ("paper", True)):
+        (track,) = seen_by(method, recording).cameras[0].tracks
+        assert bool(np.isfinite(track.joints).any()) is known
+        np.testing.assert_array_equal(track.keypoints, recording.cameras[0].tracks[0].keypoints)
+
+
 def test_late_clocks_are_in_the_truth() -> None:
     scene = simulate(SceneOptions(n_frames=20, n_people=1, max_offset_frames=0.0))
     recording, truth = late(scene.recording, scene.truth, 5)
@@ -93,7 +101,7 @@ def test_late_clocks_are_in_the_truth() -> None:
 def test_one_noisy_observation_by_every_method(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pairwise, "N_WINDOWS", 8)
     rows = noise_rows("three people, ring", 1.0, 0, 1)
-    methods = {"default", "paper", "paper, 10 starts", *BASELINES}
+    methods = {"default", "2D only", "paper", "paper, 10 starts", *BASELINES}
     assert {r["method"] for r in rows} == methods
     for method in methods - {"paper"}:
         mine = [r for r in rows if r["method"] == method and r["stage"] == "windows"]
@@ -101,7 +109,7 @@ def test_one_noisy_observation_by_every_method(monkeypatch: pytest.MonkeyPatch) 
     starts = [r for r in rows if r["method"] == "paper"]
     assert len(starts) == 12
     assert all(r["E_R"] is not None for r in starts), "a start that failed is left out of the mean"
-    for method in ("default", "paper, 10 starts"):
+    for method in ("default", "2D only", "paper, 10 starts"):
         mine = [r for r in rows if r["method"] == method and r["stage"] == "windows"]
         assert max(r["E_R"] for r in mine) < 0.01
         assert all(r["precision"] == 1.0 for r in mine)

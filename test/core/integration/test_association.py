@@ -74,6 +74,22 @@ def test_with_the_true_rig_everybody_is_told_apart(long_scene):
     assert_right(association, true_person(long_scene, association))
 
 
+@pytest.mark.parametrize("unknown_in", [(0, 1, 2, 3), (1,)])
+def test_where_no_body_can_be_placed_keypoints_tell_everybody_apart(long_scene, unknown_in):
+    def without_bodies(track):
+        return replace(track, root_cam=np.full_like(track.root_cam, np.nan))
+
+    cameras = [
+        replace(camera, tracks=tuple(without_bodies(t) for t in camera.tracks))
+        if c in unknown_in
+        else camera
+        for c, camera in enumerate(lifted(long_scene.recording)[1])
+    ]
+    association = associate(cameras, true_rig(long_scene), step_s=FRAME_S, floor_px=FLOOR_PX)
+    assert association.n_persons == 3
+    assert_right(association, true_person(long_scene, association))
+
+
 @pytest.mark.parametrize("camera", [0, 2])
 def test_an_exchange_of_ids_in_one_camera_is_outvoted(long_scene, camera):
     cameras = list(long_scene.recording.cameras)
@@ -204,7 +220,7 @@ def test_strangers_are_put_together_with_nobody(exact_scene, exact_lifted):
         )
         for k, c in enumerate(cameras)
     )
-    association = associate(split, true_rig(exact_scene), step_s=FRAME_S, floor_px=FLOOR_PX)
+    association = associate(split, true_rig(exact_scene), step_s=FRAME_S, floor_px=8.0)
     found = [set(p[p >= 0].tolist()) for p in association.person_of]
     assert found[2] == found[3]
     assert not found[0] & found[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -13,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from stcalib_ros.core.geometry.graphs import connected_groups
 from stcalib_ros.core.geometry.so3 import exp_so3, rotation_angle
-from stcalib_ros.core.integration.averaging import integrate
+from stcalib_ros.core.integration.averaging import credible, integrate, reliability
+from stcalib_ros.core.integration.limits import EPIPOLAR_SCALE_PX, MIN_RELIABILITY_RATIO
 from stcalib_ros.core.model.relative_pose import RelativePose
 
 seeds = st.integers(0, 2**32 - 1)
@@ -192,3 +194,52 @@ def test_groups_hang_together_through_hypotheses(rng):
     assert connected_groups([0, 1, 2, 3, 4, 5, 6], hypotheses) == [[0, 2, 5], [1, 6], [3], [4]]
     assert connected_groups([3, 4], []) == [[3], [4]]
     assert connected_groups([6, 1, 3], [hypothesis_of(rig, 1, 6)]) == [[6, 1], [3]]
+
+
+# What connects two cameras
+
+
+def test_what_keypoints_contradict_is_less_reliable(rng):
+    one = hypothesis_of(random_rig(rng, 2), 0, 1, support=100.0, epipolar_px=0.0)
+    assert reliability(one) == 100
+    assert reliability(replace(one, epipolar_px=EPIPOLAR_SCALE_PX)) == 50
+
+
+def test_a_pair_that_is_much_less_reliable_than_both_its_cameras_elsewhere_is_dropped(rng):
+    """Two groups of cameras that see different people."""
+    rig = random_rig(rng, 4)
+    kept = [hypothesis_of(rig, *pair, support=1000.0) for pair in ((0, 1), (2, 3))]
+    limit = 1000.0 * MIN_RELIABILITY_RATIO
+    strangers = hypothesis_of(rig, 1, 2, support=0.9 * limit)
+    assert credible([kept[0], strangers, kept[1]]) == tuple(kept)
+    friends = replace(strangers, support=1.1 * limit)
+    assert credible([*kept, friends]) == (*kept, friends)
+
+
+def test_a_camera_that_has_little_is_compared_with_what_it_has(rng):
+    rig = random_rig(rng, 3)
+    hypotheses = [
+        hypothesis_of(rig, 0, 1, support=1000.0),
+        hypothesis_of(rig, 1, 2, support=30.0),
+        hypothesis_of(rig, 0, 2, support=7.0),
+        hypothesis_of(rig, 0, 2, support=5.0),
+    ]
+    assert credible(hypotheses) == tuple(hypotheses[:3])
+    assert credible(hypotheses[3:]) == (hypotheses[3],)
+    assert credible([]) == ()
+
+
+@given(seeds)
+def test_the_best_of_every_camera_is_kept(seed):
+    rng = np.random.default_rng(seed)
+    rig = random_rig(rng, 5)
+    hypotheses = [
+        hypothesis_of(rig, a, b, support=10.0 ** rng.uniform(0, 4), epipolar_px=rng.uniform(0, 30))
+        for a, b in combinations(range(5), 2)
+        for _ in range(2)
+    ]
+    kept = credible(hypotheses)
+    for c in range(5):
+        own = [h for h in hypotheses if c in (h.a, h.b)]
+        assert max(own, key=reliability) in kept
+    assert [h for h in hypotheses if h in kept] == list(kept)

@@ -6,15 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from core_helpers import EXACT, FRAME_S, lifted
+from core_helpers import EXACT, FRAME_S, changed, lifted
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.lifting.input_checks import movement_of, require_reference, select_cameras
+from stcalib_ros.core.lifting.input_checks import (
+    movement_of,
+    require_reference,
+    require_usable,
+    select_cameras,
+)
 from stcalib_ros.core.model.calibration import Insufficient, Status
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
-from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.recording import Recording, keypoints_only
 from stcalib_ros.core.model.rejection import RejectionReason
-from stcalib_ros.core.options import Options
+from stcalib_ros.core.options import Options, RegistrationOptions
 from stcalib_ros.core.synthetic import simulate
 
 OPTIONS = Options(offset_range_s=0.5)
@@ -52,6 +57,24 @@ def test_two_cameras_of_one_name_are_refused(exact_scene):
     cameras = exact_scene.recording.cameras
     with pytest.raises(InputError, match="two cameras are called 'cam1'"):
         require_reference(Recording((cameras[1], cameras[0], cameras[1])), Options())
+
+
+# 3D poses
+
+
+def test_the_method_of_the_paper_needs_3d_poses(exact_scene):
+    paper = Options(registration=RegistrationOptions(method="vmf"))
+    recording = keypoints_only(exact_scene.recording, ["cam1", "cam2"])
+    require_usable(exact_scene.recording, paper)
+    require_usable(recording, Options())
+    with pytest.raises(InputError, match="vmf needs 3D poses, and there are none of cam1, cam2:"):
+        require_usable(recording, paper)
+
+
+def test_nobody_needs_no_3d_pose(exact_scene):
+    paper = Options(registration=RegistrationOptions(method="vmf"))
+    recording = changed(exact_scene.recording, "cam1", lambda c: replace(c, tracks=()))
+    require_usable(recording, paper)
 
 
 # Cameras to compare

@@ -5,13 +5,23 @@ from __future__ import annotations
 import pytest
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.model.keypoint_layouts import LAYOUTS, Layout, find_layout, layout_from_names
+from stcalib_ros.core.model.keypoint_layouts import (
+    DETAILS,
+    LAYOUTS,
+    Layout,
+    find_layout,
+    layout_from_names,
+)
 
 SIZES = {
     "h36m_17": 17,
     "coco_17": 17,
+    "coco_18": 18,
     "coco_19": 19,
+    "coco_wholebody_133": 133,
     "body_25": 25,
+    "body_25b": 25,
+    "halpe_26": 26,
     "blazepose_33": 33,
     "smpl_24": 24,
     "body_38": 38,
@@ -32,6 +42,43 @@ def parent_of(layout: Layout, joint: str) -> str | None:
 def test_the_layouts_are_those_of_the_messages():
     assert {name: layout.n_joints for name, layout in LAYOUTS.items()} == SIZES
     assert all(layout.name == name for name, layout in LAYOUTS.items())
+
+
+@pytest.mark.parametrize(
+    ("name", "joints"),
+    [
+        ("coco_18", {1: "neck", 4: "right_wrist", 8: "right_hip", 13: "left_ankle"}),
+        ("body_25b", {17: "upper_neck", 18: "head_top", 20: "left_small_toe", 24: "right_heel"}),
+        ("halpe_26", {17: "head", 18: "neck", 19: "pelvis", 21: "right_big_toe", 25: "right_heel"}),
+        ("coco_wholebody_133", {16: "right_ankle", 19: "left_heel", 22: "right_heel"}),
+        ("coco_wholebody_133", {23: "face-0", 90: "face-67", 91: "left_hand_root"}),
+        ("coco_wholebody_133", {95: "left_thumb4", 112: "right_hand_root"}),
+        ("coco_wholebody_133", {96: "left_forefinger1", 132: "right_pinky_finger4"}),
+    ],
+)
+def test_joints_are_where_pose_estimators_put_them(name, joints):
+    """By the tables of OpenPose, Halpe-FullBody and MMPose."""
+    assert {j: LAYOUTS[name].joint_names[j] for j in joints} == joints
+
+
+@pytest.mark.parametrize("name", ["body_25b", "halpe_26", "coco_wholebody_133"])
+def test_layouts_that_extend_that_of_coco_begin_with_it(name):
+    assert LAYOUTS[name].joint_names[:17] == LAYOUTS["coco_17"].joint_names
+
+
+def test_left_and_right_are_named_in_pairs():
+    other = {"left": "right", "right": "left"}
+    for layout in LAYOUTS.values():
+        for joint in layout.joint_names:
+            side, _, rest = joint.partition("_")
+            if side in other:
+                assert f"{other[side]}_{rest}" in layout.joint_names
+
+
+def test_details_are_all_of_a_whole_body_but_body_and_feet():
+    names = LAYOUTS["coco_wholebody_133"].joint_names
+    assert set(names[23:]) == DETAILS
+    assert not DETAILS & set(names[:23])
 
 
 @pytest.mark.parametrize("name", SIZES)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stcalib_ros.core.model.recording import excerpt
+from stcalib_ros.core.model.recording import excerpt, keypoints_only
 
 
 def test_two_halves_are_the_whole(small_scene):
@@ -24,6 +24,27 @@ def test_offsets_move_the_borders(small_scene):
     part = excerpt(small_scene.recording, 1.0, 2.0, offsets_s={"cam1": 0.5})
     assert part.cameras[0].stamps[0] == pytest.approx(1.0)
     assert part.cameras[1].stamps[0] == pytest.approx(0.5)
+
+
+def known(recording):
+    """Whether any 3D pose of a camera is known, by camera."""
+    return [any(np.isfinite(t.joints).any() for t in c.tracks) for c in recording.cameras]
+
+
+def test_keypoints_alone_are_those_of_the_recording(small_scene):
+    whole, flat = small_scene.recording, keypoints_only(small_scene.recording)
+    assert known(whole) == [True, True, True]
+    assert known(flat) == [False, False, False]
+    for camera, other in zip(whole.cameras, flat.cameras, strict=True):
+        for track, without in zip(camera.tracks, other.tracks, strict=True):
+            assert without.keypoints is track.keypoints
+            assert without.joints.shape == track.joints.shape
+    assert known(excerpt(flat, 0.5, 1.0)) == [False, False, False]
+
+
+def test_3d_poses_of_some_cameras(small_scene):
+    assert known(keypoints_only(small_scene.recording, ["cam0", "cam2"])) == [False, True, False]
+    assert known(keypoints_only(small_scene.recording, [])) == [True, True, True]
 
 
 def test_nothing_is_left_empty(small_scene):

@@ -20,7 +20,15 @@ R = RejectionReason
 SPANS = {"begin_s": 3600.0, "end_s": 3602.0, "others_begin_s": 0.0, "others_end_s": 2.0}
 REJECTIONS = (
     (Rejection(R.TOO_FEW_CAMERAS, (), 1.0, 2.0), "^1 of the cameras can be compared, 2 are needed"),
-    (Rejection(R.NO_PERSONS), "no person with enough keypoints and 3D joints: check"),
+    (Rejection(R.NO_PERSONS), "no person with enough keypoints: check"),
+    (
+        Rejection(
+            *(R.KEYPOINTS_NORMALISED, (), 1.04, 2.0, "px"),
+            values={"least": 0.02, "width": 1280, "height": 720},
+        ),
+        "normalised: they lie between 0.02 and 1, .* 1280 x 720 .*; multiply those of 0..1 by",
+    ),
+    (Rejection(R.KEYPOINTS_COINCIDE, (), 0.5, 1.0, "px"), "at one place, within 0.5 px: check"),
     (
         Rejection(R.CLOCK_EPOCH_DIFFERS, (), 3598.0, 1.0, "s", (), SPANS),
         r"3600.0..3602.0 s against 0.0..2.0 s, a gap of 3598.0 s where 1 s can be bridged; widen",
@@ -44,6 +52,8 @@ REJECTIONS = (
         Rejection(R.DISTANCES_DISAGREE, (), 1.7, 1.6, values={"least": 0.625}),
         "1.7 times as far .*, between 0.62 and 1.6 is the limit: .*; record",
     ),
+    (Rejection(R.LIMBS_DISAGREE, (), 0.2, 0.1), "in length by 20%, 10% are the limit: .*; let"),
+    (Rejection(R.NOTHING_TO_VERIFY), "no limb of anybody is seen by it .*: let people be in its"),
     (
         Rejection(R.ROTATION_UNCERTAIN, (), 0.05, 0.015),
         "by 2.9 degrees, 0.9 are the limit: .*; let",
@@ -98,6 +108,14 @@ REMARKS = (
     (Remark(C.MOVE_FASTER, ("a",)), "^people who move faster"),
     (Remark(C.LEAVE_THE_LINE), "one line: people who walk across it"),
     (Remark(C.RECORD_LONGER), "a clip twice as long"),
+    (
+        Remark(C.VERIFIED_BY_LIMBS_ALONE, ("a", "b"), {"limb_variation_percent": 3.21}),
+        "^no 3D poses verify a, b: only the lengths .*, which vary by 3.2 %$",
+    ),
+    (
+        Remark(C.POSES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_poses": 300}),
+        "^a: 12 of 300 poses are left out, .* at one place: check",
+    ),
     (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), {"length_s": 3.0}), "not observable in 3 s$"),
     (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), SKEWS), "in 3 s: .* to 80 ppm, 10 are .* about 12 s$"),
 )

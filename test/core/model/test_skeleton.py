@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from core_helpers import changed
+from core_helpers import changed, every
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS, layout_from_names
@@ -57,6 +57,23 @@ def test_of_different_layouts_the_shared_joints_are_taken_by_name(exact_scene):
     assert set(shared) == set(LAYOUTS["h36m_17"].joint_names) & set(LAYOUTS["coco_17"].joint_names)
     for camera, columns in zip(recording.cameras, skeleton.columns, strict=True):
         assert tuple(camera.layout.joint_names[i] for i in columns) == shared
+
+
+def test_of_a_whole_body_only_body_and_feet_are_taken(exact_scene):
+    whole = LAYOUTS["coco_wholebody_133"]
+    recording = every(exact_scene.recording, lambda c: replace(c, layout=whole))
+    skeleton = common_skeleton(recording)
+    assert skeleton.layout.joint_names == whole.joint_names[:23]
+    for columns in skeleton.columns:
+        np.testing.assert_array_equal(columns, np.arange(23))
+
+
+def test_the_order_of_the_joints_may_differ(exact_scene):
+    names = LAYOUTS["h36m_17"].joint_names
+    turned = layout_from_names(names[::-1], name="turned")
+    skeleton = common_skeleton(with_layout(exact_scene.recording, "cam1", turned))
+    assert skeleton.layout.joint_names == names
+    np.testing.assert_array_equal(skeleton.columns[1], np.arange(17)[::-1])
 
 
 def test_adult_lengths_are_known_for_limbs_of_every_layout(exact_scene):

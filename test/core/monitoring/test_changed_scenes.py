@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from core_helpers import SMALL, changed, tracks_changed
 
-from stcalib_ros.core.model.recording import excerpt
+from stcalib_ros.core.model.recording import excerpt, keypoints_only
 from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
 from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
 from stcalib_ros.core.monitoring.matching import associate_span
@@ -45,12 +45,14 @@ def quiet():
     return simulate(LONG)
 
 
-def test_a_camera_that_is_turned_and_moved_back():
+@pytest.mark.parametrize("without_3d", [[], ["cam1"], ["cam0", "cam1", "cam2"]])
+def test_a_camera_that_is_turned_and_moved_back(without_3d):
     scene = simulate(
         LONG,
         changes=[CameraChange(1, 3.0, turn_rad=TURN), CameraChange(1, 11.0, turn_rad=BACK)],
     )
-    history = watched(scene.recording, with_residual(scene.truth))
+    recording = keypoints_only(scene.recording, without_3d)
+    history = watched(recording, with_residual(scene.truth))
     found = states(history, "cam1")
     first, last = found.index(State.MOVED), len(found) - 1 - found[::-1].index(State.MOVED)
     assert SPAN_S * (first + 1) <= 3.0 + 10.0

@@ -11,6 +11,7 @@ from core_helpers import HALF_SECOND, error, every
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.so3 import exp_so3, log_so3
 from stcalib_ros.core.model.calibration import Status
+from stcalib_ros.core.model.recording import keypoints_only
 from stcalib_ros.core.model.rejection import RejectionReason
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.scale_cues import Distance
@@ -59,6 +60,16 @@ def test_metric_poses_count_as_far_as_they_are_trusted(small_scene):
     distance = Distance(metres, 0.001 * metres, cameras=("cam0", "cam1"))
     sure = calibrate(small_scene.recording, with_scale(distances=(distance,)))
     assert error(sure, small_scene.truth).scale == pytest.approx(1.1, abs=0.002)
+
+
+def test_cameras_without_3d_poses_claim_no_metres(small_scene, plain):
+    """Their flag means nothing; that of a camera with 3D poses does."""
+    flat = keypoints_only(plain, ["cam1"])
+    claimed = [
+        calibrate(every(flat, lambda c, m=metric: replace(c, metric=c.name in m)), HALF_SECOND)
+        for metric in (("cam1",), ("cam0", "cam1"), ("cam0", "cam2"))
+    ]
+    assert [result.metric for result in claimed] == [False, False, True]
 
 
 def test_metric_poses_that_contradict_what_was_measured_are_not_believed(small_scene):

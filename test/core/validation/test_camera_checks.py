@@ -31,10 +31,13 @@ def test_sound_checks_give_no_rejection():
         ({"explained_fraction": 0.2, "rotation_stddev": 0.01}, "TOO_LITTLE_EXPLAINED", 0.2),
         ({"explained_fraction": 0.2, "offset_peak_ratio": 1.9}, "TOO_LITTLE_EXPLAINED", 0.2),
         ({"bone_rotation": 1.0}, "BONES_DISAGREE", 1.0),
-        ({"bone_rotation": NAN}, "BONES_DISAGREE", NAN),
         ({"depth_ratio": 1.7}, "DISTANCES_DISAGREE", 1.7),
         ({"depth_ratio": 0.5}, "DISTANCES_DISAGREE", 0.5),
-        ({"depth_ratio": NAN}, "DISTANCES_DISAGREE", NAN),
+        ({"limb_variation": 0.2}, "LIMBS_DISAGREE", 0.2),
+        ({"limb_variation": float("inf")}, "LIMBS_DISAGREE", float("inf")),
+        ({"bone_rotation": NAN, "limb_variation": NAN}, "NOTHING_TO_VERIFY", NAN),
+        ({"explained_fraction": 0.2, "limb_variation": 0.1}, "TOO_LITTLE_EXPLAINED", 0.2),
+        ({"explained_fraction": 0.2, "limb_variation": NAN}, "TOO_LITTLE_EXPLAINED", 0.2),
         ({"rotation_stddev": 0.05}, "ROTATION_UNCERTAIN", 0.05),
         ({"rotation_stddev": NAN}, "ROTATION_UNCERTAIN", NAN),
         ({"position_stddev": 0.2}, "POSITION_UNCERTAIN", 0.2),
@@ -58,6 +61,19 @@ def test_every_weakness_has_its_code_and_number(change, reason, measured):
     assert found.measured == pytest.approx(measured, nan_ok=True)
 
 
+@pytest.mark.parametrize(
+    "unknown",
+    [
+        {"bone_rotation": NAN},
+        {"bone_rotation": NAN, "explained_fraction": 0.2},
+        {"limb_variation": NAN},
+        {"depth_ratio": NAN},
+    ],
+)
+def test_what_is_unknown_is_not_a_failure(unknown):
+    assert rejection(replace(SOUND, **unknown)) is None
+
+
 UNEXPLAINED = {"explained_fraction": 0.2}
 LIMITS = {
     "min_inliers": (6000, {}),
@@ -67,6 +83,8 @@ LIMITS = {
     "min_explained_fraction_if_short": (0.95, {"shared_s": 2.0}),
     "certain_rotation_stddev": (0.0005, UNEXPLAINED),
     "certain_bone_rotation": (0.01, UNEXPLAINED),
+    "certain_limb_variation": (0.01, UNEXPLAINED),
+    "max_limb_variation": (0.01, {}),
     "certain_offset_peak_ratio": (10.0, UNEXPLAINED),
     "max_bone_rotation": (0.01, {}),
     "max_depth_ratio": (1.2, {"depth_ratio": 1.5}),

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from stcalib_ros.core.geometry.so3 import exp_so3
+from stcalib_ros.core.lifting.views import lift_views
+from stcalib_ros.core.model.recording import keypoints_only
+from stcalib_ros.core.options import Options
 from stcalib_ros.core.validation.cross_view import (
     bone_rotations,
     depth_ratios,
@@ -20,6 +23,12 @@ from stcalib_ros.core.validation.cross_view import (
 @pytest.fixture(scope="module")
 def last(small_stages):
     return small_stages.iterations[-1]
+
+
+@pytest.fixture(scope="module")
+def without_poses(small_scene):
+    """The same tracks as they are lifted where there are keypoints only."""
+    return lift_views(keypoints_only(small_scene.recording), Options()).lifted
 
 
 def test_a_turned_camera_contradicts_its_bones(small_stages, last):
@@ -81,3 +90,24 @@ def test_pairs_report_angles_and_distances(small_stages, last):
         assert 0.02 < pair.median_angle_rad < 0.3
         # Of 3 px per axis two views show what is across the epipolar lines.
         assert pair.epipolar_rms_px == pytest.approx(3.0, rel=0.25)
+
+
+def test_without_poses_bones_are_unknown(small_stages, last, without_poses):
+    assert np.isnan(bone_rotations(without_poses, small_stages.skeleton, last)).all()
+    before = pair_residuals(small_stages.lifted, small_stages.skeleton, last)
+    after = pair_residuals(without_poses, small_stages.skeleton, last)
+    assert np.isnan([pair.median_angle_rad for pair in after]).all()
+    assert [replace(pair, median_angle_rad=0.0) for pair in after] == [
+        replace(pair, median_angle_rad=0.0) for pair in before
+    ]
+
+
+def test_without_poses_distances_are_compared_with_the_size_of_limbs(
+    small_stages, last, without_poses
+):
+    found = depth_ratios(without_poses, last)
+    np.testing.assert_allclose(found, depth_ratios(small_stages.lifted, last), rtol=0.2)
+    t = last.state.t_cam_ref.copy()
+    t[1, 2] += 8.0
+    far = depth_ratios(without_poses, replace(last, state=replace(last.state, t_cam_ref=t)))
+    assert far[1] > 2 * found[1]

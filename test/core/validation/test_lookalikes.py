@@ -45,6 +45,12 @@ def test_who_sees_all_of_a_row_can_count_them(walk):
     assert doubled(row, [everybody, everybody, [0, 2]]) == [False, False, False]
 
 
+def test_somebody_in_two_pieces_is_not_their_own_double(walk):
+    same = walk + 0.03
+    assert doubled([walk, same], [[0], [0], [1], [1]]) == [False] * 4
+    assert doubled([walk, walk + STEP], [[0], [0], [1], [1]]) == [True] * 4
+
+
 def test_a_double_may_walk_another_way(walk):
     turned = walk @ exp_so3(np.array([0.0, 0.0, 1.9])).T + STEP
     assert doubled([walk, turned], [[0, 1], [0, 1], [1]]) == [False, False, True]

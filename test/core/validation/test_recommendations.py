@@ -16,6 +16,7 @@ from stcalib_ros.core.validation.recommendations import (
     recommend,
     shared_s,
     unobservable_clock_skews,
+    without_poses,
 )
 
 NAMES = ["cam0", "cam1", "cam2"]
@@ -127,3 +128,12 @@ def test_a_short_clip_says_it_in_its_remarks(small_stages):
     (remark,) = [r for r in calibration.remarks if r.code is RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE]
     worst = max(c.clock_skew_stddev for c in calibration.cameras)
     assert remark.values["stddev_ppm"] == pytest.approx(1e6 * worst)
+
+
+def test_cameras_without_poses_are_named():
+    bare = replace(SOUND, bone_rotation=float("nan"), limb_variation=0.034)
+    assert without_poses(NAMES, [SOUND] * 3) == ()
+    (remark,) = without_poses(NAMES, [SOUND, bare, replace(bare, limb_variation=0.01)])
+    assert remark.code is RemarkCode.VERIFIED_BY_LIMBS_ALONE
+    assert remark.cameras == ("cam1", "cam2")
+    assert remark.values == {"limb_variation_percent": pytest.approx(3.4)}

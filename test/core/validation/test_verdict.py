@@ -11,8 +11,11 @@ from core_helpers import HALF_SECOND
 from stcalib_ros.core.bundle.covariance import pose_covariance
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.integration.exclusions import Exclusions
+from stcalib_ros.core.lifting.views import lift_views
 from stcalib_ros.core.model.calibration import Status
+from stcalib_ros.core.model.recording import keypoints_only
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, RemarkCode
+from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.validation.camera_checks import check_cameras
@@ -60,6 +63,22 @@ def test_a_sound_solution_is_good(solution, verdict):
     assert found.status is Status.OK
     assert found.rejections == ()
     assert found.remarks[0].code is RemarkCode.LEAST_CONSTRAINED_CAMERA
+
+
+def test_keypoints_alone_are_enough_and_that_is_said(solution, verdict, small_scene, small_stages):
+    bare = lift_views(keypoints_only(small_scene.recording), Options()).lifted
+    found = check_cameras(
+        bare,
+        small_stages.skeleton,
+        solution.last,
+        solution.covariance,
+        offset_range_s=0.5,
+    )
+    assert all(np.isnan(one.bone_rotation) for one in found)
+    judged = verdict(replace(solution, checks=found))
+    assert judged.status is Status.OK
+    assert judged.remarks[-1].code is RemarkCode.VERIFIED_BY_LIMBS_ALONE
+    assert judged.remarks[-1].cameras == ("cam0", "cam1", "cam2")
 
 
 def test_a_rejected_camera_is_named(solution, verdict):
