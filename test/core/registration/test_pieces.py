@@ -13,8 +13,8 @@ from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.lifted import LiftedTrack
 from stcalib_ros.core.registration.limits import MAX_GAP_S, MAX_PIECE_FRAMES, MAX_PIECES
 from stcalib_ros.core.registration.pieces import (
-    TrackPart,
     Pieces,
+    TrackPart,
     cut_tracks,
     longest,
     mirrored_joints,
