@@ -22,6 +22,9 @@ from stcalib_ros.core.registration.pairs import PairTask, propose, register
 from stcalib_ros.core.registration.pieces import whole_tracks
 from stcalib_ros.core.registration.resampling import Grid, common_step
 
+_ALL_POINTS = 1_000_000
+"""Keypoints. A pair is refined on all that it has: no adjustment follows, which would use them."""
+
 
 def register_on_windows(
     views: LiftedViews,
@@ -135,6 +138,7 @@ def _by_correlation(
         max_lag,
         replace(o, min_overlap=min(o.min_overlap, window * len(starts))),
         max_lag == 0,
+        max_points=_ALL_POINTS,
     )
     hypotheses = (register if refine else propose)(task)
     if not hypotheses:

@@ -121,3 +121,30 @@ LINK_SPEED = 0.5
 """Body heights per second. Joints may be as fast against the middle of the body, beside
 `JUMP_FRACTION`, for two pieces to be linked. Derived: an arm swings by 2 m/s, its median joint by
 less than half of it, with 1.7 m of height."""
+
+CORRELATED_KEYPOINTS = 20
+"""Keypoints per independent measurement: joints of one body in successive frames have errors in
+common. Where frames are left out, fewer. Chosen on simulated scenes of benchmarks.accuracy.level;
+not verified on real recordings."""
+
+MAX_ROTATION_STDDEV = 0.1
+"""rad. 3D poses whose rotation is known no better than that are no help to keypoints, and are not
+used. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
+
+DIRECTION_RATIO = 2.0
+"""Ratio. Standard deviation of the direction of the translation over that of the rotation, at
+least: it depends on depths as well. Chosen on simulated scenes of benchmarks.accuracy.level; not
+verified on real recordings."""
+
+SCATTER_FACTOR = 2.0
+"""Ratio. Blocks of a track are not quite independent, since neighbours have slow errors of the
+poses in common: their scatter counts times this. Chosen on simulated scenes of
+benchmarks.accuracy.level; not verified on real recordings."""
+
+CONTRADICTION_STDDEVS = 3.0
+"""Standard deviations of a rotation by 3D poses. If keypoints turn the cameras by more than that
+and `CONTRADICTION_RAD` otherwise, the poses are not used. Chosen: what noise hardly ever does."""
+
+CONTRADICTION_RAD = 0.1
+"""rad. See `CONTRADICTION_STDDEVS`: what the start by keypoints itself may be off. Chosen: starts
+of short clips are off by .1 rad at most in scenes of benchmarks.paper."""

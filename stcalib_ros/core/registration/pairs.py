@@ -16,7 +16,7 @@ from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options, RegistrationOptions
-from stcalib_ros.core.registration.correspondences import correspondences
+from stcalib_ros.core.registration.correspondences import MAX_POINTS, correspondences
 from stcalib_ros.core.registration.epipolar_correlation import KeypointMoments, keypoint_moments
 from stcalib_ros.core.registration.epipolar_search import Agreement, search
 from stcalib_ros.core.registration.essential import pose_by_cheirality, robust_essential
@@ -27,6 +27,7 @@ from stcalib_ros.core.registration.limits import (
     SAME_ROTATION,
 )
 from stcalib_ros.core.registration.pieces import Pieces, cut_tracks, longest
+from stcalib_ros.core.registration.pose_prior import pose_prior
 from stcalib_ros.core.registration.resampling import Grid
 from stcalib_ros.core.registration.two_view_refinement import refine_pair
 
@@ -50,6 +51,8 @@ class PairTask:
     options : RegistrationOptions
     synchronised : bool
         The clocks are known to agree.
+    max_points : int
+        Keypoints of a hypothesis by which it is refined, about.
     """
 
     a: int
@@ -60,6 +63,7 @@ class PairTask:
     max_lag: int
     options: RegistrationOptions
     synchronised: bool
+    max_points: int = MAX_POINTS
 
 
 def pair_tasks(
@@ -93,13 +97,24 @@ def pair_tasks(
 def register(task: PairTask) -> tuple[RelativePose, ...]:
     """Return the hypotheses on a pair of cameras, refined, the best supported first."""
     cameras = tuple(pieces.camera for pieces in task.pieces)
-    refined = (
-        refine_pair(cameras, h, synchronised=task.synchronised) for h in _starts(task, cameras)
-    )
+    refined = (_refined(h, task, cameras) for h in _starts(task, cameras))
     found = (h for h in refined if h is not None and h.support > 0.0)
     best = sorted(found, key=lambda h: -h.support)
     kept = _distinct(best, task.step_s)[: task.options.n_hypotheses]
     return tuple(_of_tracks(h, task) for h in kept)
+
+
+def _refined(
+    h: RelativePose, task: PairTask, cameras: tuple[LiftedCamera, ...]
+) -> RelativePose | None:
+    """Refine a hypothesis on its keypoints, with what 3D poses say where there are any."""
+    return refine_pair(
+        cameras,
+        h,
+        synchronised=task.synchronised,
+        prior=pose_prior(cameras, h),
+        max_points=task.max_points,
+    )
 
 
 def propose(task: PairTask) -> tuple[RelativePose, ...]:

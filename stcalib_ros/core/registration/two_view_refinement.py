@@ -25,11 +25,13 @@ from stcalib_ros.core.registration.correspondences import (
     MatchedTracks,
 )
 from stcalib_ros.core.registration.limits import (
+    CORRELATED_KEYPOINTS,
     KEYPOINT_SCALE_PX,
     MAX_STEP_ROTATION,
     MIN_BASELINE_M,
     MIN_POINTS,
 )
+from stcalib_ros.core.registration.pose_prior import PosePrior
 
 _ITERATIONS = 10
 """Steps at most. Numerical: it starts near, and converges in about five."""
@@ -37,8 +39,9 @@ _FIRST_DAMPING = 1e-3
 """Factor on the diagonal of the normal equations. Numerical: Levenberg-Marquardt."""
 _MAX_DAMPING = 1e3
 """Factor on the diagonal. Numerical: with more a step is too short to help, so that it ends."""
-_CONVERGED = 1e-3
-"""Fraction of the cost. Numerical: it has converged when a step gains less."""
+_CONVERGED = 0.1
+"""Ratio to the cost of one keypoint, which is what a standard deviation of an unknown changes.
+Numerical: it has converged when a step gains less."""
 
 
 def refine_pair(
@@ -46,6 +49,8 @@ def refine_pair(
     h: RelativePose,
     *,
     synchronised: bool = False,
+    prior: PosePrior | None = None,
+    max_points: int = MAX_POINTS,
 ) -> RelativePose | None:
     """Minimize the robust Sampson error over rotation, direction of t and lag (Gauss-Newton).
 
@@ -57,6 +62,10 @@ def refine_pair(
         Where it starts from.
     synchronised : bool
         The lag stays as it is.
+    prior : PosePrior, optional
+        Gaussian prior on rotation and direction.
+    max_points : int
+        Keypoints that are compared, about.
 
     Returns
     -------
@@ -64,24 +73,26 @@ def refine_pair(
         With `epipolar_px` set, and as `support` the number of common keypoints that agree with it;
         None where too few are shared or it diverged.
     """
-    matched = MatchedTracks(cameras[h.a], cameras[h.b], h.matches, MAX_POINTS)
+    matched = MatchedTracks(cameras[h.a], cameras[h.b], h.matches, max_points)
     max_lag_step = 0.0 if synchronised else 2.0 * matched.period
     damping = _FIRST_DAMPING
     c = matched.at(h.lag_s)
     if len(c.x_a) < MIN_POINTS or np.linalg.norm(h.t_a_b) < MIN_BASELINE_M:
         return None
+    if prior is not None:
+        prior = prior.against(max(1.0, CORRELATED_KEYPOINTS / matched.stride))
     noise = _noise(h, c, matched.white_px)
-    cost = _cost(h, c, noise)
+    cost = _cost(h, c, noise, prior)
     for _ in range(_ITERATIONS):
-        trial = _step(h, c, noise, damping, max_lag_step=max_lag_step)
+        trial = _step(h, c, noise, prior, damping, max_lag_step=max_lag_step)
         c_trial = matched.at(trial.lag_s)
         if len(c_trial.x_a) < MIN_POINTS:
             return None
-        if (trial_cost := _cost(trial, c_trial, noise)) < cost:
-            converged = cost - trial_cost < _CONVERGED * cost
+        if (trial_cost := _cost(trial, c_trial, noise, prior)) < cost:
+            converged = cost - trial_cost < _CONVERGED * cost / len(c_trial.x_a)
             h, c, damping = trial, c_trial, damping / 5.0
             noise = _noise(h, c, matched.white_px)
-            cost = _cost(h, c, noise)
+            cost = _cost(h, c, noise, prior)
             if converged:
                 break
         else:
@@ -133,16 +144,21 @@ def _noise(h: RelativePose, c: Correspondences, white_px: float) -> _Noise:
     return _Noise(max(MIN_NOISE_PX, NOISE_MARGIN * stddev), white)
 
 
-def _cost(h: RelativePose, c: Correspondences, noise: _Noise) -> float:
-    """Mean Cauchy loss."""
+def _cost(h: RelativePose, c: Correspondences, noise: _Noise, prior: PosePrior | None) -> float:
+    """Mean Cauchy loss, and the prior as a part of it."""
     r = _distances_px(h, c, noise.white) / noise.scale
-    return float(np.log1p(r**2).mean())
+    loss = float(np.log1p(r**2).mean())
+    if prior is None:
+        return loss
+    turned, moved = prior.residuals(h)
+    return loss + float(turned @ turned + moved @ moved) / len(r)
 
 
 def _step(
     h: RelativePose,
     c: Correspondences,
     noise: _Noise,
+    prior: PosePrior | None,
     damping: float,
     *,
     max_lag_step: float,
@@ -154,6 +170,11 @@ def _step(
     w = 1.0 / (1.0 + r**2)
     H = J.T @ (w[:, None] * J)
     g = J.T @ (w * r)
+    if prior is not None:
+        turned, moved = prior.residuals(h)
+        stddevs = np.repeat([prior.rotation_stddev, prior.direction_stddev], [3, 2])
+        H[range(5), range(5)] += stddevs**-2
+        g[:5] += np.concatenate([turned, tangent @ moved]) / stddevs
     H[range(6), range(6)] *= 1.0 + damping
     H[range(6), range(6)] += 1e-12 * np.trace(H)
     step = -np.linalg.solve(H, g)
