@@ -46,7 +46,7 @@ class Scenario:
         Largest accepted medians and 90th percentiles of the errors.
     beside : str
         Name of the easier scenario with the same seeds: medians may be up to `MAX_RATIO` times
-        those there.
+        those there, unless `cpu_ratio` is given.
     may_refuse : bool
         Whether refusing such a scene counts as much as solving it.
     line_times : str
@@ -63,7 +63,8 @@ class Scenario:
     max_cpu_s : float
         Largest accepted CPU seconds of one calibration.
     cpu_ratio : float or None
-        Largest accepted ratio of the CPU seconds to those of `beside`, in the median.
+        Largest accepted ratio of the CPU seconds to those of `beside`, in the median; then only
+        these are compared.
     """
 
     name: str

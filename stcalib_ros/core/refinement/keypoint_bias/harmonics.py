@@ -50,22 +50,6 @@ def harmonics(u: Float64Array, degrees: Sequence[int] = DEGREES) -> Float64Array
     return np.stack([f for d in degrees for f in by_degree[d]])
 
 
-def prior_groups(size: int) -> Float64Array:
-    """Which coefficients (q,) of a joint have a prior of the same variance, (q, G), one of 1.
-
-    Parameters
-    ----------
-    size : int
-        Number q: 3 B of harmonics, one group for each degree; 2 of the images of all cameras
-        together, and two of the images of each.
-    """
-    k = 3 * len(DEGREE_OF)
-    group = np.full(size, len(DEGREES) + 1)
-    group[:k] = np.searchsorted(DEGREES, np.tile(DEGREE_OF, 3))
-    group[k : k + 2] = len(DEGREES)
-    return np.asarray(np.eye(len(DEGREES) + 2)[group])
-
-
 def trunk_of(layout: Layout) -> tuple[int, ...] | None:
     """Left and right hip, left and right shoulder; None in layouts that lack one."""
     if not set(TRUNK_JOINTS) <= set(layout.joint_names):

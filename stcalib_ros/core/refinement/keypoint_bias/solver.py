@@ -15,11 +15,9 @@ from stcalib_ros.core.bundle.residuals import noise_px
 from stcalib_ros.core.bundle.state import BundleState, person_rows_of
 from stcalib_ros.core.geometry.robust import CAUCHY, LEAST_SHARE, MIN_SCALE_PX, RAYLEIGH_MEDIAN
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.refinement.evidence import renewed_variance
 from stcalib_ros.core.refinement.keypoint_bias.harmonics import (
     body_frames,
     harmonics,
-    prior_groups,
 )
 from stcalib_ros.core.refinement.keypoint_bias.normal_equations import (
     Part,
@@ -27,6 +25,7 @@ from stcalib_ros.core.refinement.keypoint_bias.normal_equations import (
     person_sums,
     project,
 )
+from stcalib_ros.core.refinement.keypoint_bias.priors import prior_groups, renewed_variances
 
 _CHUNK = 64
 """Rows of one part. Numerical: so that its arrays fit into the cache."""
@@ -58,8 +57,8 @@ class BiasFit:
     bias : (P, J, q) ndarray
         Coefficients by person and joint: of the harmonics in body axes (3 B), then displacements
         in the images of all cameras (2) and of each (2 C).
-    variance : (P, q) ndarray
-        Of the prior of the coefficients, by person.
+    variance : (P, J, q) ndarray
+        Of the priors of the coefficients.
     sigma_px : float
         Noise of the keypoints, per axis.
     """
@@ -106,9 +105,8 @@ class EliminatedBiases:
         return bool((squares > observed).any())
 
     def determined(self, variance: Float64Array) -> Float64Array:
-        """Numbers (P, q) of coefficients that the keypoints determine, by person."""
-        diagonal = np.diagonal(self.inverse, axis1=-2, axis2=-1)
-        return np.asarray((1.0 - diagonal / variance[:, None]).sum(1))
+        """Fraction (P, J, q) of each coefficient that the keypoints determine."""
+        return np.asarray(1.0 - np.diagonal(self.inverse, axis1=-2, axis2=-1) / variance)
 
     def unknown(self, person: int, joint: int) -> EliminatedUnknown:
         """The coefficients (q,) of the bias of one joint, as the covariance has it."""
@@ -170,12 +168,12 @@ class Problem:
         low_left, low_right, high_left, high_right = (s.X[:, j] for j in self.trunk)
         upward = high_left + high_right - low_left - low_right
         trunk = np.linalg.norm(upward, axis=-1) / 2.0
-        n_persons, size = 1 + self.parts[-1].person, self.parts[0].size
+        shape = (1 + self.parts[-1].person, obs.x.shape[2], self.parts[0].size)
         return BiasFit(
             s.cameras,
             tuple(s.X[part.rows].transpose(2, 1, 0).copy() for part in self.parts),
-            np.zeros((n_persons, obs.x.shape[2], size)),
-            np.full((n_persons, size), float((_FIRST_SPREAD * np.median(trunk)) ** 2)),
+            np.zeros(shape),
+            np.full(shape, float((_FIRST_SPREAD * np.median(trunk)) ** 2)),
             noise_px(obs, s),
         )
 
@@ -221,12 +219,9 @@ class Problem:
         return replace(fit, cameras=fit.cameras.scaled(grow), X=X, bias=grow * fit.bias)
 
     def _renewed(self, fit: BiasFit, determined: Float64Array) -> BiasFit:
-        """Noise, and variances of the biases by their evidence: per person and group."""
-        squares = (fit.bias**2).sum(1)
+        """Noise, and variances of the biases by their evidence."""
         least = (_LEAST_SPREAD * fit.cameras.length()) ** 2
-        member = prior_groups(fit.bias.shape[-1])
-        by_group = renewed_variance(squares @ member, determined @ member, least)
-        variance = by_group @ member.T
+        variance = renewed_variances(fit.bias, determined, least)
         errors = np.sqrt(np.concatenate(list(self._squares(fit))))
         points = sum(int(part.triangulated().sum()) for part in self.parts)
         fraction = 1.0 - (1.5 * points + 0.5 * float(determined.sum())) / len(errors)
@@ -243,7 +238,7 @@ class Problem:
             bias = fit.bias[part.person]
             S[part.person] += person_sums(part, fit.cameras, X, bias, scale, self.layout)
         S /= fit.sigma_px**2
-        precision = 1.0 / fit.variance[:, None]
+        precision = 1.0 / fit.variance
         own = slice(k, k + q)
         observed = np.diagonal(S[:, :, own, own], axis1=-2, axis2=-1)
         inverse = np.asarray(np.linalg.inv(S[:, :, own, own] + precision[..., None] * np.eye(q)))
@@ -267,9 +262,9 @@ class Problem:
         """
         start = replace(self.start(), sigma_px=fit.sigma_px)
         plain = replace(start, X=self.followed(start))
-        spread = np.sqrt(fit.variance)[:, None]
+        spread = np.sqrt(fit.variance)
         volume = np.linalg.slogdet(e.inverse / (spread[..., None] * spread[..., None, :]))[1].sum()
-        prior = (fit.bias**2 / fit.variance[:, None]).sum()
+        prior = (fit.bias**2 / fit.variance).sum()
         return float(self._cost(plain) - self._cost(fit) - 0.5 * prior + 0.5 * volume)
 
     def _cost(self, fit: BiasFit) -> float:

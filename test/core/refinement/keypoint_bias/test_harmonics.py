@@ -10,7 +10,6 @@ from stcalib_ros.core.refinement.keypoint_bias.harmonics import (
     DEGREE_OF,
     body_frames,
     harmonics,
-    prior_groups,
     trunk_of,
 )
 from stcalib_ros.core.synthetic.skeleton import LAYOUT
@@ -31,14 +30,6 @@ def test_harmonics_are_orthonormal_and_have_no_constant_part():
     assert len(h) == len(DEGREE_OF)
     np.testing.assert_allclose(h @ weight, 0.0, atol=1e-12)
     np.testing.assert_allclose((h * weight) @ h.T, np.eye(len(h)), atol=1e-12)
-
-
-def test_every_coefficient_has_the_prior_of_its_degree_or_of_the_images():
-    member = prior_groups(3 * len(DEGREE_OF) + 2 + 2 * 4)
-    np.testing.assert_array_equal(member.sum(0), [3 * 3, 3 * 5, 3 * 7, 2, 2 * 4])
-    np.testing.assert_array_equal(member.sum(1), 1)
-    degree = np.tile(DEGREE_OF, 3)
-    np.testing.assert_array_equal(member[: len(degree), :3] @ [1, 2, 3], degree)
 
 
 def person(rng):

@@ -9,7 +9,8 @@ import pytest
 from core_helpers import SMALL
 
 from stcalib_ros.core.pipeline import run_stages
-from stcalib_ros.core.refinement.keypoint_bias.harmonics import prior_groups, trunk_of
+from stcalib_ros.core.refinement.keypoint_bias.harmonics import trunk_of
+from stcalib_ros.core.refinement.keypoint_bias.priors import prior_groups
 from stcalib_ros.core.refinement.keypoint_bias.solver import Problem
 from stcalib_ros.core.synthetic import simulate
 
@@ -31,9 +32,7 @@ def test_biases_of_some_millimetres_leave_a_hint(bias_mm, hint):
 
 def test_the_hint_is_the_slope_of_the_marginal_likelihood(small_stages):
     fit, e = at_start(small_stages)
-    S = np.linalg.inv(e.inverse) - (1.0 / fit.variance)[:, None, :, None] * np.eye(
-        fit.bias.shape[-1]
-    )
+    S = np.linalg.inv(e.inverse) - (1.0 / fit.variance)[..., None] * np.eye(fit.bias.shape[-1])
     assert np.allclose(np.diagonal(S, axis1=-2, axis2=-1), e.observed, rtol=1e-4)
     for group in prior_groups(fit.bias.shape[-1]).T:
         mine = np.flatnonzero(group)
