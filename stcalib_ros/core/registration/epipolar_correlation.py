@@ -128,15 +128,16 @@ def correlate(
     longest = max(v.shape[1] for v in a.values) + max(v.shape[1] for v in b.values)
     size = int(fft.next_fast_len(longest, real=True))
     of_b = fft.rfft(np.stack([_padded(v, size) for v in b.values]), axis=-1).transpose(0, 3, 2, 1)
-    lags = np.arange(-max_lag, max_lag + 1)
-    lengths = np.array([v.shape[1] for v in b.values])
+    lengths = b.end - b.first
     for p, v in enumerate(a.values):
         of_a = np.conj(fft.rfft(_padded(v, size), axis=-1)).transpose(2, 0, 1)
         series = fft.irfft(of_a @ of_b, size, axis=1)
-        own = lags + (a.first[p] - b.first)[:, None]
-        overlaps = (own > -v.shape[1]) & (own < lengths[:, None])
-        picked = np.take_along_axis(series, (own % size)[..., None, None], 1)
-        yield p, np.where(overlaps[..., None, None], picked, 0.0)
+        c = np.zeros((len(lengths), 2 * max_lag + 1, N_MONOMIALS, N_MONOMIALS))
+        for q, length in enumerate(lengths):
+            own = int(a.first[p] - b.first[q]) - max_lag
+            lags = np.arange(max(own, 1 - v.shape[1]), min(own + 2 * max_lag + 1, length))
+            c[q, lags - own] = series[q, lags % size]
+        yield p, c
 
 
 def _padded(values: Float64Array, size: int) -> Float64Array:

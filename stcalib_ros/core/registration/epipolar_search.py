@@ -208,9 +208,9 @@ class _Pair:
         matches = [(p, q)]
         others, their_c = self._candidates(lag, (p, q))
         M, N = pencil(their_c)
-        while len(others):
+        free = np.arange(len(others))
+        while len(free):
             limit = max(GROWTH_PX, GROWTH_FACTOR * float(np.sqrt(squares[0])) * self.focal_px)
-            free = np.flatnonzero(~self._excluded(others, matches))
             nearest = self._nearest(E, c, M[free], N[free], their_c[free], limit)
             if nearest is None:
                 break
@@ -218,6 +218,7 @@ class _Pair:
             matches.append((int(others[k, 0]), int(others[k, 1])))
             c = c + their_c[k]
             squares, E = best_essential(*pencil(c))
+            free = free[~self._excluded(others[free], matches[-1])]
         return self._agreement(float(lag), matches, c)
 
     def _nearest(
@@ -234,8 +235,6 @@ class _Pair:
         Under the matrix so far; where none is near, under the matrix of both together: few
         keypoints of one person do not determine it.
         """
-        if not len(M):
-            return None
         error = np.sqrt(mean_square(E, M, N)) * self.focal_px
         if error.min() < limit:
             return int(error.argmin())
@@ -275,20 +274,18 @@ class _Pair:
         end = np.minimum(self.a.end[:, None], self.b.end - lag)
         joints = self.a.values[0].shape[-1]
         pairs = np.argwhere((end - begin) * joints >= MIN_GROWTH_POINTS)
-        pairs = pairs[~self._excluded(pairs, [seed])]
+        pairs = pairs[~self._excluded(pairs, seed)]
         sums = [moments_at(self.a, self.b, int(p), int(q), lag) for p, q in pairs]
         c = np.array(sums).reshape(-1, 6, 6)
         enough = c[:, ONE, ONE] >= MIN_GROWTH_POINTS
         return pairs[enough], c[enough]
 
-    def _excluded(self, pairs: IntArray, matches: Sequence[tuple[int, int]]) -> BoolArray:
-        """Pairs (K,) with a track that is somebody else at that time already."""
-        p, q = pairs.T
-        excluded = np.zeros(len(pairs), dtype=bool)
-        for i, j in matches:
-            excluded |= (p == i) & self.overlap_b[j][q]
-            excluded |= (q == j) & self.overlap_a[i][p]
-        return excluded
+    def _excluded(self, pairs: IntArray, match: tuple[int, int]) -> BoolArray:
+        """Pairs (K,) with a track of a match that is somebody else at that time already."""
+        (p, q), (i, j) = pairs.T, match
+        taken: BoolArray = (p == i) & self.overlap_b[j][q]
+        taken |= (q == j) & self.overlap_a[i][p]
+        return taken
 
 
 def _simultaneous(tracks: KeypointMoments) -> BoolArray:

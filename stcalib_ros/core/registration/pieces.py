@@ -37,7 +37,7 @@ _NEIGHBOURS = 3
 to each side, in which limbs hardly change their speed."""
 
 
-class Part(NamedTuple):
+class TrackPart(NamedTuple):
     """A stretch of a track: its index, and the times of its first and last frame, seconds."""
 
     track: int
@@ -53,19 +53,19 @@ class Pieces:
     ----------
     camera : LiftedCamera
         Its tracks are the pieces.
-    parts : tuple of tuple of Part
+    parts : tuple of tuple of TrackPart
         Of which parts of tracks each piece is made.
     """
 
     camera: LiftedCamera
-    parts: tuple[tuple[Part, ...], ...]
+    parts: tuple[tuple[TrackPart, ...], ...]
 
 
 def cut_tracks(camera: LiftedCamera, layout: Layout) -> Pieces:
     """Cut the tracks of a camera where all joints jump, and link what goes on elsewhere.
 
-    Short exchanges of left and right are undone, and joints that are missing for a moment are
-    filled in.
+    Before, short exchanges of left and right are undone, at which most joints jump as well. At
+    last, joints that are missing for a moment are filled in.
 
     Parameters
     ----------
@@ -75,9 +75,10 @@ def cut_tracks(camera: LiftedCamera, layout: Layout) -> Pieces:
     """
     mirrored = mirrored_joints(layout)
     pieces, parts = [], []
-    for p, whole in enumerate(camera.tracks):
-        for piece in _between_jumps(whole, camera.stamps[whole.frames]):
-            pieces.append(_unmirrored(piece, camera.stamps[piece.frames], mirrored))
+    for p, track in enumerate(camera.tracks):
+        times = camera.stamps[track.frames]
+        for piece in _between_jumps(_unmirrored(track, times, mirrored), times):
+            pieces.append(piece)
             parts.append(_part(p, piece, camera.stamps))
     kept, members = [], []
     for chain in chains(pieces, camera.stamps):
@@ -100,8 +101,8 @@ def whole_tracks(camera: LiftedCamera) -> Pieces:
     return Pieces(camera, tuple(parts))
 
 
-def _part(p: int, track: LiftedTrack, stamps: Float64Array) -> Part:
-    return Part(p, float(stamps[track.frames[0]]), float(stamps[track.frames[-1]]))
+def _part(p: int, track: LiftedTrack, stamps: Float64Array) -> TrackPart:
+    return TrackPart(p, float(stamps[track.frames[0]]), float(stamps[track.frames[-1]]))
 
 
 def longest(pieces: Pieces) -> Pieces:

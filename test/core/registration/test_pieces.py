@@ -14,6 +14,7 @@ from stcalib_ros.core.model.lifted import LiftedTrack
 from stcalib_ros.core.registration.limits import MAX_GAP_S, MAX_PIECE_FRAMES, MAX_PIECES
 from stcalib_ros.core.registration.pieces import (
     Pieces,
+    TrackPart,
     cut_tracks,
     longest,
     mirrored_joints,
@@ -46,12 +47,19 @@ def exchanged(camera, i, j, frame):
     return replace(camera, tracks=tuple(tracks))
 
 
+def tracks_of(pieces):
+    """The track of the first part of every piece."""
+    return [parts[0].track for parts in pieces.parts]
+
+
 def spans(pieces):
-    """Track, first and last frame of every piece."""
-    return [
-        (int(p), int(piece.frames[0]), int(piece.frames[-1]))
-        for p, piece in zip(pieces.track, pieces.camera.tracks, strict=True)
-    ]
+    """Track, first and last frame of the parts of all pieces."""
+    stamps = pieces.camera.stamps
+    return sorted(
+        (part.track, *np.searchsorted(stamps, [part.begin_s, part.end_s]).tolist())
+        for parts in pieces.parts
+        for part in parts
+    )
 
 
 def changed(camera, change):
@@ -127,8 +135,6 @@ def test_nobody_is_cut_for_an_image_that_was_lost(scene, camera):
 
 def test_pieces_of_few_frames_are_left_out(scene):
     layout, cameras = scene
-    pieces = cut_tracks(exchanged(cameras[0], 0, 2, 6), layout)
-    assert spans(pieces) == [(0, 6, 79), (1, 0, 79), (2, 6, 79)]
     shorter = changed(cameras[0], lambda track: track[:9])
     assert not cut_tracks(shorter, layout).camera.tracks
     # And so is a camera that observed nobody.
@@ -140,7 +146,54 @@ def test_without_jumps_all_stays_as_it_is(scene):
     pieces = cut_tracks(cameras[0], layout)
     for piece, track in zip(pieces.camera.tracks, cameras[0].tracks, strict=True):
         np.testing.assert_array_equal(piece.x, track.x)
-    assert pieces.track.tolist() == whole_tracks(cameras[0]).track.tolist() == [0, 1, 2]
+    assert tracks_of(pieces) == tracks_of(whole_tracks(cameras[0])) == [0, 1, 2]
+
+
+# One person under several ids
+
+
+def test_who_goes_on_under_another_id_is_one_piece(scene):
+    layout, cameras = scene
+    pieces = cut_tracks(exchanged(cameras[0], 0, 2, 40), layout)
+    assert sorted(tuple(part.track for part in parts) for parts in pieces.parts) == [
+        (0, 2),
+        (1,),
+        (2, 0),
+    ]
+    for piece, parts in zip(pieces.camera.tracks, pieces.parts, strict=True):
+        np.testing.assert_array_equal(piece.x, cameras[0].tracks[parts[0].track].x)
+
+
+@pytest.mark.parametrize(("lost", "linked"), [(0, True), (3, True), (8, False)])
+def test_fragments_are_linked_over_short_gaps(scene, lost, linked):
+    layout, cameras = scene
+
+    def fragments(track):
+        return [track[k : k + 15 - lost] for k in range(0, len(track.frames), 15)]
+
+    tracks = tuple(part for track in cameras[0].tracks for part in fragments(track))
+    pieces = cut_tracks(replace(cameras[0], tracks=tracks), layout)
+    assert (len(pieces.camera.tracks) == 3) == linked
+
+
+def test_strangers_are_not_linked(scene):
+    layout, cameras = scene
+    one, other, _ = cameras[0].tracks
+    apart = replace(cameras[0], tracks=(one[:40], other[40:]))
+    assert [len(parts) for parts in cut_tracks(apart, layout).parts] == [1, 1]
+
+
+def test_joints_that_are_missing_for_a_moment_are_filled_in(scene):
+    layout, cameras = scene
+    track = cameras[0].tracks[0]
+    x = track.x.copy()
+    x[::2, 3] = np.nan
+    x[30:50, 5] = np.nan
+    (piece,) = cut_tracks(replace(cameras[0], tracks=(replace(track, x=x),)), layout).camera.tracks
+    gaps = np.linalg.norm((piece.x - track.x) * track.focal[..., None], axis=-1)
+    assert np.nanmax(gaps[:, 3]) < 3.0
+    assert np.isfinite(gaps[:, 3]).sum() > 0.9 * np.isfinite(track.x[:, 3, 0]).sum()
+    assert np.isnan(gaps[30:50, 5]).all()
 
 
 # Left and right
@@ -197,7 +250,7 @@ def test_of_a_long_exchange_nobody_knows_which_side_is_right(scene):
     pieces = cut_tracks(wrong, layout)
     assert (0, 20, 59) in spans(pieces)
     for p, track in enumerate(wrong.tracks):
-        own = [c.x for c, q in zip(pieces.camera.tracks, pieces.track, strict=True) if q == p]
+        own = [c.x for c, q in zip(pieces.camera.tracks, tracks_of(pieces), strict=True) if q == p]
         np.testing.assert_array_equal(np.concatenate(own), track.x)
 
 
@@ -210,7 +263,9 @@ def pieces_of(lengths):
         track_of(np.broadcast_to(np.zeros((1, 1, 2)), (n, 1, 2)), track_id=k)
         for k, n in enumerate(lengths)
     ]
-    return Pieces(camera_of(tracks), 100 + np.arange(len(lengths)))
+    return Pieces(
+        camera_of(tracks), tuple((TrackPart(100 + k, 0.0, 0.0),) for k in range(len(lengths)))
+    )
 
 
 def test_the_longest_pieces_are_kept_in_their_order():
@@ -220,14 +275,14 @@ def test_the_longest_pieces_are_kept_in_their_order():
     assert len(kept.camera.tracks) == MAX_PIECES
     expected = np.sort(np.argsort(-lengths)[:MAX_PIECES])
     assert [track.track_id for track in kept.camera.tracks] == expected.tolist()
-    np.testing.assert_array_equal(kept.track, 100 + expected)
+    assert tracks_of(kept) == (100 + expected).tolist()
 
 
 def test_pieces_times_the_longest_are_bounded_but_one_is_kept():
     n = MAX_PIECE_FRAMES // 4
-    assert longest(pieces_of([10, n, 20, n, 30, 40])).track.tolist() == [101, 103, 104, 105]
-    assert longest(pieces_of([10, 4 * n + 1])).track.tolist() == [101]
-    assert longest(pieces_of([])).track.tolist() == []
+    assert tracks_of(longest(pieces_of([10, n, 20, n, 30, 40]))) == [101, 103, 104, 105]
+    assert tracks_of(longest(pieces_of([10, 4 * n + 1]))) == [101]
+    assert tracks_of(longest(pieces_of([]))) == []
 
 
 def test_stamps_of_pieces_are_those_of_the_camera(scene):
