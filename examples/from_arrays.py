@@ -2,7 +2,8 @@
 
     python examples/from_arrays.py
 
-`detections` stands for your own detector, lifter and tracker.
+`detections` stands for your own 2D pose estimator and tracker. Monocular 3D poses, if you have
+them, are one more array: ``joints`` (M, J, 3).
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ import stcalib_ros as st
 def detections() -> dict[str, dict[str, NDArray[np.float64]]]:
     """Arrays of each camera, here of a simulated one; M poses of J = 17 joints.
 
-    ``stamps`` (N,), ``frames`` (M,), ``track_ids`` (M,), ``keypoints`` (M, J, 2),
-    ``joints`` (M, J, 3) and ``scores`` (M, J), as `stcalib_ros.camera_from_arrays` wants them.
+    ``stamps`` (N,), ``frames`` (M,), ``track_ids`` (M,), ``keypoints`` (M, J, 2) and ``scores``
+    (M, J), as `stcalib_ros.camera_from_arrays` wants them.
     """
     scene = st.simulate(st.SceneOptions(n_cameras=3, n_people=2, n_frames=300))
     arrays = {}
@@ -28,7 +29,6 @@ def detections() -> dict[str, dict[str, NDArray[np.float64]]]:
             "track_ids": np.repeat([t.track_id for t in tracks], [len(t.frames) for t in tracks]),
             "frames": np.concatenate([t.frames for t in tracks]),
             "keypoints": np.concatenate([t.keypoints for t in tracks]),
-            "joints": np.concatenate([t.joints for t in tracks]),
             "scores": np.concatenate([t.scores for t in tracks]),
         }
     return arrays
@@ -47,7 +47,6 @@ def main() -> None:
             frames=poses["frames"],
             track_ids=poses["track_ids"],
             keypoints=poses["keypoints"],
-            joints=poses["joints"],
             scores=poses["scores"],
         )
         for name, poses in detections().items()

@@ -117,6 +117,15 @@ def count(rows: Iterable[Row], thresholds: CheckThresholds = DEFAULT) -> Count:
     return Count(found[True, False], found[False, False], found[False, True])
 
 
+def without_bones(rows: Iterable[Row]) -> list[Row]:
+    """Return the rows as they are where there are no 3D poses whose bones could be compared."""
+    nan = float("nan")
+    return [
+        replace(row, checks=tuple(replace(one, bone_rotation=nan) for one in row.checks))
+        for row in rows
+    ]
+
+
 def replay(rows: Sequence[Row]) -> tuple[Replay, ...]:
     """Count wrong decisions with every limit changed, one at a time."""
     return tuple(
@@ -185,6 +194,11 @@ def _print_rows(title: str, rows: Sequence[Row]) -> None:
     now, good = count(rows), sum(row.good for row in rows)
     print(f"\n{title}: {len(rows)} solutions, {good} good, {len(rows) - good} wrong")
     print(f"refused though good: {now.good_refused}; published though wrong: {now.wrong_published}")
+    bare = count(without_bones(rows))
+    print(
+        f"without bones of 3D poses: refused though good: {bare.good_refused}; "
+        f"published though wrong: {bare.wrong_published}"
+    )
     columns = ("-20 %", "+20 %", "without")
     group = "{:46s}{:^24s}  {:^24s}  {:^16s}"
     print(group.format("", "good refused", "wrong published", "refused alone"))

@@ -157,7 +157,8 @@ def _rows(
         values = _errors(runs, name)
         limits = {"median": targets.medians.get(name), "p90": targets.p90.get(name)}
         rows.append(_distribution(name, values, limits))
-        if clean and (usual := float(np.median(_errors(clean[:n], name)))) > 0.0:
+        usual = float(np.median(_errors(clean[:n], name))) if clean else 0.0
+        if usual > 0.0 and scenario.cpu_ratio is None:
             ratio = float(np.median(values)) / usual
             unknown = unobservable_frames(scenario.options) if name == "E_delta" else 0.0
             limit = MAX_RATIO + unknown / usual

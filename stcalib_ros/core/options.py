@@ -35,17 +35,17 @@ class RegistrationOptions:
     Attributes
     ----------
     method : str
-        "correlation": cross-covariance at all lags, hypotheses, refinement. "vmf": the paper's
-        own method, with its multi-view integration and adjustment as well; see `VmfOptions`. The
-        other options here are those of "correlation".
+        "correlation": epipolar correlation of keypoints at all lags, hypotheses, refinement. "vmf":
+        the paper's own method, with its multi-view integration and adjustment as well; see
+        `VmfOptions`. The other options here are those of "correlation".
     min_overlap : int
-        Minimum number of common samples of two tracks at a lag.
+        Minimum number of common frames of two tracks at a lag.
     n_candidates : int
         Number of the best (track, track, lag) triples that take in further tracks.
     n_hypotheses : int
-        Number of distinct hypotheses kept of a pair of cameras.
+        Maximum number of distinct hypotheses kept of a pair of cameras.
     n_refined : int
-        Number of them that are refined on the keypoints.
+        Number of candidates that are refined on the keypoints, the best supported first.
     """
 
     method: str = "correlation"

@@ -122,7 +122,7 @@ _OPTIONS = (
     Spec("registration.min_overlap", 12, "Number of samples that two tracks must share."),
     Spec("registration.n_candidates", 16, "Number of candidates (track pair and lag) that grow."),
     Spec("registration.n_hypotheses", 12, "Number of hypotheses kept per pair of cameras."),
-    Spec("registration.n_refined", 6, "Number of hypotheses that are refined."),
+    Spec("registration.n_refined", 6, "Number of candidates that are refined."),
     Spec("vmf.window", 15, "Length of a window in frames, T."),
     Spec("vmf.n_windows", 20, "Largest number of windows."),
     Spec("vmf.n_hypothesised", 2, "Number of persons that RANSAC assumes visible; 0: no RANSAC."),

@@ -14,6 +14,7 @@ from live import Client, LiveNode
 from stcalib_ros.msg import PersonPose3DArray
 from stcalib_ros.srv import Recalibrate
 
+from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.recording import keypoints_only
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
@@ -46,6 +47,7 @@ def test_keypoints_alone_give_the_numbers_of_the_bag_and_fractions_of_the_image_
             assert (status["message"], status["images_3d"]) == ("receiving", "0")
             assert int(status["moving_s"]) > 2
         offline = calibrate(recording)
+        assert offline.status is Status.OK
         result = client.answer(Recalibrate, "recalibrate", wait=True).result
         assert (result.status, result.message) == (int(offline.status), offline.message)
         for camera, extrinsics in zip(offline.cameras, result.extrinsics, strict=True):

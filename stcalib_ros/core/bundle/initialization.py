@@ -9,6 +9,7 @@ import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.limits import (
+    CLOSE_SUPPORT,
     DECISIVE_FIT_GAIN,
     MAX_FIT_LOSS,
     MIN_EXPLAINED_TO_STOP,
@@ -101,7 +102,7 @@ def _initial_adjustments(
     exclusions: Exclusions,
     tick: Callable[[str, float], None],
 ) -> list[Start]:
-    """Adjust the best supported rigs: three, or all while none explains enough.
+    """Adjust the best supported rigs: three, all that are close, or all while none explains enough.
 
     What is left of a rig without the reference is no rival of one that has it.
     """
@@ -111,8 +112,7 @@ def _initial_adjustments(
         complete = any(
             start.iteration.explained_fraction > MIN_EXPLAINED_TO_STOP for start in starts
         )
-        supported = rig.support >= MIN_RIVAL_SUPPORT * rigs[0].support
-        if starts and not (supported and (k < MIN_RIGS_TRIED or not complete)):
+        if starts and not _is_worth_trying(rig, rigs[0], k, complete=complete):
             break
         tick("first adjustment", k / len(rigs))
         try:
@@ -123,6 +123,13 @@ def _initial_adjustments(
         raise why
     reference = rigs[0].cameras[0]
     return [s for s in starts if reference in s.iteration.rig.cameras] or starts
+
+
+def _is_worth_trying(rig: Rig, best: Rig, k: int, *, complete: bool) -> bool:
+    """Whether the k-th rig is to be adjusted, after others of which one explains enough or none."""
+    if rig.support >= CLOSE_SUPPORT * best.support:
+        return True
+    return rig.support >= MIN_RIVAL_SUPPORT * best.support and (k < MIN_RIGS_TRIED or not complete)
 
 
 def _distinct(starts: Sequence[Start]) -> list[Start]:

@@ -11,9 +11,44 @@ _MAX_GAP = 2.6
 Derived: 2 periods and a margin for jitter of 0.45 frames."""
 
 
+LONGEST_BRIDGE_S = 0.2
+"""Seconds. Joints that are missing for less than that between two images are read off between them
+where tracks are compared: half a swing of an arm takes longer. Chosen; the adjustment uses what was
+observed only."""
+
+
 def frame_period(stamps: Float64Array) -> float:
     """Usual time between images, seconds: robust against dropped frames and jitter."""
     return float(np.median(np.diff(stamps))) if len(stamps) > 1 else float("inf")
+
+
+def bridged(values: FloatArray, stamps: Float64Array, *, longest_s: float) -> FloatArray:
+    """Fill what is missing between two samples that are near in time, linearly.
+
+    Parameters
+    ----------
+    values : (F, J, k) ndarray
+        NaN where missing, all k at once.
+    stamps : (F,) ndarray
+        Increasing times of the samples, seconds.
+    longest_s : float
+        Longest time between two samples that is bridged.
+    """
+    missing = np.isnan(values[..., 0])
+    if not missing.any():
+        return values
+    rows = np.arange(len(values))[:, None]
+    before = np.maximum.accumulate(np.where(missing, -1, rows), axis=0)
+    after = np.minimum.accumulate(np.where(missing, len(values), rows)[::-1], axis=0)[::-1]
+    f, j = np.nonzero(missing & (before >= 0) & (after < len(values)))
+    here, there = before[f, j], after[f, j]
+    gap = stamps[there] - stamps[here]
+    near = gap <= longest_s
+    f, j, here, there = f[near], j[near], here[near], there[near]
+    u = ((stamps[f] - stamps[here]) / gap[near])[:, None]
+    filled: FloatArray = values.copy()
+    filled[f, j] = (1.0 - u) * values[here, j] + u * values[there, j]
+    return filled
 
 
 class Interpolation:

@@ -16,7 +16,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from stcalib_ros.core.geometry.epipolar import sampson
-from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
+from stcalib_ros.core.geometry.interpolation import (
+    LONGEST_BRIDGE_S,
+    Interpolation,
+    bridged,
+    frame_period,
+)
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.integration.limits import (
     BODY_WEIGHT,
@@ -136,9 +141,12 @@ def _sample(camera: LiftedCamera, rig: Rig, i: int, times: Float64Array) -> _Sam
     local = times.ravel() - rig.offset_s[i]
     period = frame_period(camera.stamps)
     for p, track in enumerate(camera.tracks):
-        at = Interpolation(camera.stamps[track.frames], local, period=period)
-        x[p, ..., :2] = at(track.x).reshape(S, K, J, 2)
-        focal[p] = at(track.focal).reshape(S, K, J)
+        stamps = camera.stamps[track.frames]
+        at = Interpolation(stamps, local, period=period)
+        seen = bridged(track.x, stamps, longest_s=LONGEST_BRIDGE_S)
+        x[p, ..., :2] = at(seen).reshape(S, K, J, 2)
+        focals = bridged(track.focal[..., None], stamps, longest_s=LONGEST_BRIDGE_S)
+        focal[p] = at(focals[..., 0]).reshape(S, K, J)
         root = at(track.root_cam)
         depth[p] = root[:, 2].reshape(S, K)
         body[p] = (root @ rig.R_ref_cam[i].T + rig.t_ref_cam[i]).reshape(S, K, 3)

@@ -100,14 +100,27 @@ def camera_from_arrays(
 
     These are the arrays that detector, lifter and tracker give for each camera. The calibration:
 
-    >>> cameras = [
-    ...     st.camera_from_arrays(name, image_size=(1920, 1080), layout="h36m_17", **given)
-    ...     for name, given in arrays.items()
-    ... ]
-    >>> calibration = st.calibrate(st.Recording(tuple(cameras)))
+    >>> def calibrated(arrays):
+    ...     size, layout = (1920, 1080), "h36m_17"
+    ...     cameras = [
+    ...         st.camera_from_arrays(name, image_size=size, layout=layout, **given)
+    ...         for name, given in arrays.items()
+    ...     ]
+    ...     return st.calibrate(st.Recording(tuple(cameras)))
+    >>> calibration = calibrated(arrays)
     >>> calibration.status.name
     'OK'
     >>> bool(st.evaluate(calibration, scene.truth).E_R < 0.02)  # rad
+    True
+
+    Without a lifter:
+
+    >>> for given in arrays.values():
+    ...     del given["joints"]
+    >>> calibration = calibrated(arrays)
+    >>> calibration.status.name
+    'OK'
+    >>> bool(st.evaluate(calibration, scene.truth).E_R < 0.02)
     True
     """
     try:

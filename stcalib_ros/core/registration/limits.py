@@ -104,3 +104,20 @@ looked at one by one. Chosen: bounds time; a crowd of 15 has 64 pieces of a thir
 MAX_PIECE_FRAMES = 200_000
 """Frames, count. Pieces times the length of the longest are no more: bounds the memory, to about
 300 MB for two cameras and 17 joints. Numerical."""
+
+MIN_LINK_FRAMES = 3
+"""Frames, count. Shorter parts of a track are not linked to others: their motion is not known.
+Derived: a velocity and a check of it."""
+
+MIN_LINK_JOINTS = 6
+"""Joints, count. Two pieces are linked by so many joints that are seen in the last frame of one and
+in the first of the other. Chosen: a third of the 17 of COCO."""
+
+LINK_GAP_S = 0.2
+"""Seconds. Pieces further from each other in time are not linked. Chosen: five frames at 25 Hz, in
+which an arm swings by a third of its way."""
+
+LINK_SPEED = 0.5
+"""Body heights per second. Joints may be as fast against the middle of the body, beside
+`JUMP_FRACTION`, for two pieces to be linked. Derived: an arm swings by 2 m/s, its median joint by
+less than half of it, with 1.7 m of height."""

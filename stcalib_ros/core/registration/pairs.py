@@ -145,6 +145,12 @@ def _distinct(hypotheses: Sequence[RelativePose], step_s: float) -> list[Relativ
 
 def _of_tracks(h: RelativePose, task: PairTask) -> RelativePose:
     """Return a hypothesis on pieces as one on the tracks of the recording."""
-    a, b = (pieces.track for pieces in task.pieces)
-    matches = sorted({(int(a[p]), int(b[q])) for p, q in h.matches})
-    return replace(h, a=task.a, b=task.b, matches=tuple(matches))
+    a, b = task.pieces
+    matches = {
+        (one.track, other.track)
+        for p, q in h.matches
+        for one in a.parts[p]
+        for other in b.parts[q]
+        if one.begin_s + h.lag_s <= other.end_s and other.begin_s <= one.end_s + h.lag_s
+    }
+    return replace(h, a=task.a, b=task.b, matches=tuple(sorted(matches)))

@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
+from stcalib_ros.core.geometry.interpolation import LONGEST_BRIDGE_S, bridged
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
@@ -24,13 +26,23 @@ from stcalib_ros.core.registration.limits import (
     MAX_PIECES,
     MIN_FLIP_PX,
     MIN_FLIPPED_JOINTS,
+    MIN_LINK_FRAMES,
     MIN_PIECE_FRAMES,
     MIRRORED_FRACTION,
 )
+from stcalib_ros.core.registration.linking import chains, height_px, row_median
 
 _NEIGHBOURS = 3
 """Frames to each side by which the usual motion at a frame is known. Numerical: a tenth of a second
 to each side, in which limbs hardly change their speed."""
+
+
+class Part(NamedTuple):
+    """A stretch of a track: its index, and the times of its first and last frame, seconds."""
+
+    track: int
+    begin_s: float
+    end_s: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,16 +53,19 @@ class Pieces:
     ----------
     camera : LiftedCamera
         Its tracks are the pieces.
-    track : (P,) ndarray of int
-        Index of the track of which each piece is a part.
+    parts : tuple of tuple of Part
+        Of which parts of tracks each piece is made.
     """
 
     camera: LiftedCamera
-    track: IntArray
+    parts: tuple[tuple[Part, ...], ...]
 
 
 def cut_tracks(camera: LiftedCamera, layout: Layout) -> Pieces:
-    """Cut the tracks of a camera where all joints jump, and undo short exchanges of left and right.
+    """Cut the tracks of a camera where all joints jump, and link what goes on elsewhere.
+
+    Short exchanges of left and right are undone, and joints that are missing for a moment are
+    filled in.
 
     Parameters
     ----------
@@ -59,19 +74,34 @@ def cut_tracks(camera: LiftedCamera, layout: Layout) -> Pieces:
         Layout of its joints.
     """
     mirrored = mirrored_joints(layout)
-    pieces, track = [], []
+    pieces, parts = [], []
     for p, whole in enumerate(camera.tracks):
-        times = camera.stamps[whole.frames]
-        # In this order: where the sides change places, most joints jump.
-        for piece in _between_jumps(_unmirrored(whole, times, mirrored), times):
-            pieces.append(piece)
-            track.append(p)
-    return Pieces(replace(camera, tracks=tuple(pieces)), np.array(track, dtype=np.int64))
+        for piece in _between_jumps(whole, camera.stamps[whole.frames]):
+            pieces.append(_unmirrored(piece, camera.stamps[piece.frames], mirrored))
+            parts.append(_part(p, piece, camera.stamps))
+    kept, members = [], []
+    for chain in chains(pieces, camera.stamps):
+        joined = _joined([pieces[k] for k in chain])
+        if len(joined.frames) >= MIN_PIECE_FRAMES:
+            kept.append(_filled(joined, camera.stamps[joined.frames]))
+            members.append(tuple(parts[k] for k in chain))
+    return Pieces(replace(camera, tracks=tuple(kept)), tuple(members))
+
+
+def _filled(track: LiftedTrack, times: Float64Array) -> LiftedTrack:
+    x = bridged(track.x, times, longest_s=LONGEST_BRIDGE_S)
+    focal = bridged(track.focal[..., None], times, longest_s=LONGEST_BRIDGE_S)[..., 0]
+    return replace(track, x=x, focal=focal)
 
 
 def whole_tracks(camera: LiftedCamera) -> Pieces:
     """Return the tracks of a camera as they are."""
-    return Pieces(camera, np.arange(len(camera.tracks)))
+    parts = ((_part(p, track, camera.stamps),) for p, track in enumerate(camera.tracks))
+    return Pieces(camera, tuple(parts))
+
+
+def _part(p: int, track: LiftedTrack, stamps: Float64Array) -> Part:
+    return Part(p, float(stamps[track.frames[0]]), float(stamps[track.frames[-1]]))
 
 
 def longest(pieces: Pieces) -> Pieces:
@@ -86,7 +116,7 @@ def longest(pieces: Pieces) -> Pieces:
     n = min(MAX_PIECES, MAX_PIECE_FRAMES // max(1, int(lengths.max(initial=1))))
     kept = np.sort(order[: max(1, n)])
     camera = replace(pieces.camera, tracks=tuple(tracks[k] for k in kept))
-    return Pieces(camera, pieces.track[kept])
+    return Pieces(camera, tuple(pieces.parts[k] for k in kept))
 
 
 def mirrored_joints(layout: Layout) -> IntArray:
@@ -99,26 +129,16 @@ def mirrored_joints(layout: Layout) -> IntArray:
 
 def _between_jumps(track: LiftedTrack, times: Float64Array) -> Iterator[LiftedTrack]:
     """Yield the stretches of a track in which no two successive frames are of two people."""
-    if len(times) < MIN_PIECE_FRAMES:
+    if len(times) < MIN_LINK_FRAMES:
         return
     pixels = track.x * track.focal[..., None]
-    moved = _row_median(np.linalg.norm(np.diff(pixels, axis=0), axis=-1))
-    with np.errstate(invalid="ignore"):
-        height = np.nanmax(pixels[..., 1], 1) - np.nanmin(pixels[..., 1], 1)
-    limit = JUMP_FACTOR * _usual_nearby(moved) + JUMP_FRACTION * float(np.nanmedian(height))
+    moved = row_median(np.linalg.norm(np.diff(pixels, axis=0), axis=-1))
+    limit = JUMP_FACTOR * _usual_nearby(moved) + JUMP_FRACTION * height_px(track)
     jumps = (moved > limit) | (np.diff(times) > MAX_GAP_S)
     edges = [0, *(np.flatnonzero(jumps) + 1).tolist(), len(times)]
     for begin, end in pairwise(edges):
-        if end - begin >= MIN_PIECE_FRAMES:
+        if end - begin >= MIN_LINK_FRAMES:
             yield track[begin:end]
-
-
-def _row_median(values: Float64Array) -> Float64Array:
-    """Return the median of the finite values of every row, zero where there are none."""
-    ordered = np.sort(values, axis=-1)
-    count = np.isfinite(ordered).sum(-1)
-    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[:, None] // 2, -1)[:, 0]
-    return np.where(count > 0, middle, 0.0)
 
 
 def _usual_nearby(moved: Float64Array) -> Float64Array:
@@ -127,6 +147,22 @@ def _usual_nearby(moved: Float64Array) -> Float64Array:
     padded = np.pad(moved, n, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * n + 1)
     return np.asarray(np.median(np.delete(windows, n, axis=1), axis=1))
+
+
+def _joined(parts: list[LiftedTrack]) -> LiftedTrack:
+    """Return one track of successive ones."""
+    if len(parts) == 1:
+        return parts[0]
+    rows = [np.asarray(part.rows) for part in parts if part.rows is not None]
+    return LiftedTrack(
+        parts[0].track_id,
+        np.concatenate([part.frames for part in parts]),
+        np.concatenate([part.x for part in parts]),
+        np.concatenate([part.focal for part in parts]),
+        np.concatenate([part.joints_cam for part in parts]),
+        np.concatenate([part.root_cam for part in parts]),
+        np.concatenate(rows) if rows else None,
+    )
 
 
 def _unmirrored(track: LiftedTrack, times: Float64Array, mirrored: IntArray) -> LiftedTrack:

@@ -29,6 +29,7 @@ from stcalib_ros.core.validation.cross_view import bone_rotations, depth_ratios,
 from stcalib_ros.core.validation.limb_lengths import limb_variations
 from stcalib_ros.core.validation.lookalikes import has_lookalike_alternative
 from stcalib_ros.core.validation.offset_ambiguity import offset_peak_ratios
+from stcalib_ros.core.validation.repeated_motion import repetition_ratios
 from stcalib_ros.core.validation.thresholds import DEFAULT, CheckThresholds
 
 
@@ -72,6 +73,11 @@ class CameraChecks:
     offset_peak_ratio_with_outliers : float
         `offset_peak_ratio` in all keypoints of associated persons, of the reference camera's
         against all others, where many are outliers; else infinite.
+    repetition_ratio : float
+        Error at another time offset, a repetition of the motion away, at the place that belongs to
+        it, over the error at its own; infinite where no motion repeats itself at another place.
+    period_s : float
+        Distance of that time offset from its own.
     """
 
     inliers: int
@@ -88,6 +94,8 @@ class CameraChecks:
     alternative_offset_s: float
     has_lookalikes: bool = False
     offset_peak_ratio_with_outliers: float = float("inf")
+    repetition_ratio: float = float("inf")
+    period_s: float = 0.0
 
 
 def rejection(
@@ -187,6 +195,13 @@ def _uncertain(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Reject
             limits.min_offset_peak_ratio,
             alternative_s=checks.alternative_offset_s,
         )
+    if not checks.repetition_ratio > limits.min_repetition_ratio:
+        yield _violated(
+            RejectionReason.OFFSET_AMBIGUOUS,
+            checks.repetition_ratio,
+            limits.min_repetition_ratio,
+            alternative_s=checks.period_s,
+        )
     if not checks.offset_peak_ratio_with_outliers > limits.min_offset_peak_ratio_with_outliers:
         yield _violated(
             RejectionReason.OFFSET_AMBIGUOUS_WITH_OUTLIERS,
@@ -233,7 +248,7 @@ def check_cameras(
     frame_s = last.observations.step_s
     inliers, observed = last.state.inlier.sum((0, 2)), last.observations.observed.sum((0, 2))
     inlier_fraction = inliers / np.maximum(observed, 1)
-    offsets = _offset_checks(last, inlier_fraction, offset_range_s)
+    offsets = _offset_checks(cameras, last, inlier_fraction, offset_range_s)
     shared_s = last.state.inlier.any(2).sum(0) * frame_s
     total = image_points([cameras[c] for c in last.rig.cameras])
     reach = usual_distances(last)
@@ -251,62 +266,55 @@ def check_cameras(
                 rotation_stddev=largest_stddev(block[ROTATION_ROWS, ROTATION_ROWS]),
                 position_stddev=largest_stddev(block[CENTRE_ROWS, CENTRE_ROWS]) / float(reach[c]),
                 offset_stddev_frames=largest_stddev(block[OFFSET_ROW:, OFFSET_ROW:]) / frame_s,
-                bone_rotation=float(bodies.bone_rotation[c]),
-                depth_ratio=float(bodies.depth_ratio[c]),
-                limb_variation=float(bodies.limb_variation[c]),
-                offset_peak_ratio=float(offsets.peak_ratio[c]),
-                alternative_offset_s=float(offsets.alternative_s[c]),
                 has_lookalikes=bool(lookalikes[c]),
-                offset_peak_ratio_with_outliers=float(offsets.peak_ratio_with_outliers[c]),
+                **{name: float(values[c]) for name, values in (bodies | offsets).items()},
             )
         )
     return tuple(found)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _BodyChecks:
-    """Fields of `CameraChecks` about bodies, of all cameras (C,)."""
-
-    bone_rotation: Float64Array
-    depth_ratio: Float64Array
-    limb_variation: Float64Array
-
-
 def _body_checks(
     cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration
-) -> _BodyChecks:
+) -> dict[str, Float64Array]:
+    """Fields of `CameraChecks` about bodies, of all cameras (C,)."""
     angle = bone_rotations(cameras, skeleton, last)
     least = np.where(np.isfinite(angle), angle, np.inf).min(1)
     depth = depth_ratios(cameras, last)
     usual = np.nanmedian(depth) if np.isfinite(depth).any() else 1.0
-    return _BodyChecks(
-        bone_rotation=np.where(np.isfinite(least), least, np.nan),
-        depth_ratio=depth / usual,
-        limb_variation=limb_variations(skeleton, last),
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _OffsetChecks:
-    """Fields of `CameraChecks` about time offsets, of all cameras (C,)."""
-
-    peak_ratio: Float64Array
-    alternative_s: Float64Array
-    peak_ratio_with_outliers: Float64Array
+    return {
+        "bone_rotation": np.where(np.isfinite(least), least, np.nan),
+        "depth_ratio": depth / usual,
+        "limb_variation": limb_variations(skeleton, last),
+    }
 
 
 def _offset_checks(
-    last: Iteration, inlier_fraction: Float64Array, offset_range_s: float
-) -> _OffsetChecks:
-    """Compare other time offsets; where clocks are known, and of the reference, nothing is."""
+    cameras: Sequence[LiftedCamera],
+    last: Iteration,
+    inlier_fraction: Float64Array,
+    offset_range_s: float,
+) -> dict[str, Float64Array]:
+    """Fields of `CameraChecks` about time offsets, of all cameras (C,).
+
+    Where clocks are known, and of the reference, nothing is compared at their own places.
+    """
     C, many = len(last.rig.cameras), 1.0 - DEFAULT.many_outliers
     max_shift = int(np.ceil(offset_range_s / last.observations.step_s))
     ratio, alternative_s = offset_peak_ratios(last, max_shift=max_shift)
-    with_outliers = np.full(C, np.inf)
+    found = {
+        "offset_peak_ratio": np.full(C, np.inf),
+        "alternative_offset_s": alternative_s,
+        "offset_peak_ratio_with_outliers": np.full(C, np.inf),
+        "repetition_ratio": np.full(C, np.inf),
+        "period_s": np.zeros(C),
+    }
     if last.rig.synchronised:
-        return _OffsetChecks(np.full(C, np.inf), alternative_s, with_outliers)
+        return found
+    found["offset_peak_ratio"][1:] = ratio[1:]
     if inlier_fraction.min() < many:
         of_all, _ = offset_peak_ratios(last, max_shift=max_shift, with_outliers=True)
-        with_outliers = np.where(inlier_fraction < many, of_all, np.inf)
-    ratio[0] = np.inf
-    return _OffsetChecks(ratio, alternative_s, with_outliers)
+        among_all = np.where(inlier_fraction < many, of_all, np.inf)
+        found["offset_peak_ratio_with_outliers"] = among_all
+    repeated = repetition_ratios(cameras, last, max_shift=max_shift)
+    found["repetition_ratio"], found["period_s"] = repeated
+    return found

@@ -126,6 +126,12 @@ class CheckThresholds:
     Periodic motion and people who stand bring it down to 1. Chosen on simulated scenes.
     Measured: alone it refuses 1 wrong real solution; 20 % larger, 4 more good ones are refused."""
 
+    min_repetition_ratio: float = 1.05
+    """Ratio of errors, px. Error of a camera at a repetition of the motion, moved with the people,
+    over its error at its own place, at least: else nothing says that its time offset is not wrong
+    by a period. Chosen on the scenes "one" and "gesturing" from keypoints only: a camera that is a
+    period off has 0.95, the others of that scene 1.08 and more, those of right scenes 1.3."""
+
     many_outliers: float = 0.2
     """Ratio. Fraction of outliers from which on offsets are also compared in all keypoints, as
     those that are outliers here may fit at the true offset. Chosen on simulated scenes: seed 2004
@@ -157,6 +163,21 @@ offsets are compared, so that a few outliers do not decide. Chosen."""
 MIN_OFFSET_POINTS = 60
 """Observations, count. An offset of a camera is judged from so many pairs of observations on: below
 that, it counts as not observable. Chosen."""
+
+MAX_REPETITION_DISTANCE = 0.1
+"""Unit of the adjustment (about m), root mean square. A motion repeats itself where one rigid
+motion takes it to what it was to within this; then the error in the images decides. Measured on the
+scenes "one": 0.04 and 0.05 of walks that repeat a stride, 0.10 at ratios of errors above 4."""
+
+MAX_MOVED_DISTANCE = 0.8
+"""Ratio. A motion repeats itself elsewhere if what is left after the best motion is less than this
+fraction of the difference; else it repeats itself in place, which other offsets at the camera's own
+place show. Measured: 0.4 and 0.7 on scenes "one" whose periods matter, 0.9 and more of people who
+stand and gesture."""
+
+MIN_REPETITION_OVERLAP = 0.5
+"""Ratio. Fraction of what a camera observes for which the repetition has to be known. Chosen: less
+says little about the rest of the clip."""
 
 MIN_BONE_PAIRS = 100
 """Pairs of bone directions, count. Two cameras' relative rotation is compared with their 3D poses
@@ -202,8 +223,8 @@ person whom the association took for two: nobody else fits there. Measured on po
 of a person who was divided. Below half the width of a body."""
 
 PERIOD_RANGE_S = (0.25, 3.0)
-"""Seconds. Repetition with a period within is looked for, to explain a refusal; nothing is refused
-by it. Chosen by judgement: from the fastest steps to slow gestures."""
+"""Seconds. Repetition with a period within is looked for: to explain a refusal, and as other time
+offsets of a camera. Chosen by judgement: from the fastest steps to slow gestures."""
 
 MIN_PERIOD_OVERLAP_S = 1.0
 """Seconds of a person's motion. Two stretches are compared over at least so much, to explain a

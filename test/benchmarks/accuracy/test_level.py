@@ -185,11 +185,12 @@ def test_a_scenario_can_have_targets_of_its_own_without_3d_poses(play):
 
 
 def test_cost_is_compared_with_that_of_the_easier_scenario(play):
-    clean = [replace(run, cpu_s=1.0) for run in runs_late(play, 0.0)]
+    clean = [replace(run, cpu_s=1.0) for run in runs_late(play, 0.01)]
     for cpu_s, met in ((1.9, True), (2.1, False)):
         runs = [replace(run, cpu_s=cpu_s) for run in clean]
         found = summary(replace(SCENARIO, beside="easy", cpu_ratio=2.0), runs, clean).rows
         assert verdicts(found)["CPU / easy"] is met
+        assert "E_delta / easy" not in verdicts(found)
 
 
 def test_the_scenario_says_how_far_offsets_are_searched_and_what_is_altered(monkeypatch):

@@ -10,7 +10,7 @@ from core_helpers import SOUND
 
 from benchmarks.accuracy import evidence, limits
 from benchmarks.accuracy.evidence import Row, Table, read_table, write_table
-from benchmarks.accuracy.limits import Count, count, replay
+from benchmarks.accuracy.limits import Count, count, replay, without_bones
 from benchmarks.accuracy.scenarios import Scenario
 from stcalib_ros.core.synthetic import SceneOptions
 from stcalib_ros.core.validation.thresholds import DEFAULT, CheckThresholds
@@ -61,6 +61,17 @@ def test_every_limit_is_moved_left_out_and_tried_alone(limit, smaller, larger, w
         without,
         alone,
     )
+
+
+def test_what_bones_alone_refuse_is_published_without_them():
+    rows = (*ROWS, solution(WRONG, bone_rotation=1.0), solution(WRONG, limb_variation=0.3))
+    assert count(rows) == Count(3, 5, 2)
+    assert count(without_bones(rows)) == Count(3, 4, 3)
+
+
+def test_what_is_refused_without_any_limit_is_not_counted_alone():
+    rows = (solution(WRONG, has_lookalikes=True), solution(WRONG, rotation_stddev=float("inf")))
+    assert {one.alone for one in replay(rows) if one.alone is not None} == {Count(0, 0, 0)}
 
 
 @pytest.mark.parametrize("limit", ["min_shared_s", "min_explained_fraction_if_short"])

@@ -98,6 +98,16 @@ def test_solutions_may_take_people_for_a_little_larger(five, factor, same, k):
     assert (found == [five.rig.cameras[k]]) == same
 
 
+def test_of_three_cameras_the_one_that_moved_does_not_set_the_scale(five):
+    rig = replace(five.rig, t_ref_cam=4 * five.rig.t_ref_cam)
+    rig = sub_rig(rig, [0, 1, 2])
+    for k in range(3):
+        t = rig.t_ref_cam.copy()
+        t[k] += 0.9 * (t[k] - t[(k + 1) % 3])
+        other = with_rig(five, replace(rig, t_ref_cam=t))
+        assert differing(with_rig(five, rig), other) == [rig.cameras[k]]
+
+
 def test_two_of_five_in_another_place(five):
     other = altered(altered(five, 1, turn=0.5), 3, late_s=1.0)
     assert differing(five, other) == [0, 1]

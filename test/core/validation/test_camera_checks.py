@@ -43,6 +43,7 @@ def test_sound_checks_give_no_rejection():
         ({"position_stddev": 0.2}, "POSITION_UNCERTAIN", 0.2),
         ({"offset_peak_ratio": 1.05}, "OFFSET_AMBIGUOUS", 1.05),
         ({"offset_peak_ratio": NAN}, "OFFSET_AMBIGUOUS", NAN),
+        ({"repetition_ratio": 0.9, "period_s": 1.2}, "OFFSET_AMBIGUOUS", 0.9),
         ({"offset_stddev_frames": 2.5}, "OFFSET_UNCERTAIN", 2.5),
         ({"offset_stddev_frames": float("inf")}, "OFFSET_UNCERTAIN", float("inf")),
         (
@@ -88,6 +89,7 @@ LIMITS = {
     "certain_offset_peak_ratio": (10.0, UNEXPLAINED),
     "max_bone_rotation": (0.01, {}),
     "max_depth_ratio": (1.2, {"depth_ratio": 1.5}),
+    "min_repetition_ratio": (2.0, {"repetition_ratio": 1.5}),
     "max_rotation_stddev": (0.0005, {}),
     "max_position_stddev": (0.001, {}),
     "max_offset_stddev_frames": (0.001, {}),
