@@ -164,14 +164,19 @@ def _checks(names: list[str], values: list[float | str]) -> CameraChecks:
 def _simulated(scenario: Scenario, index: int) -> tuple[Row, ...]:
     options = scenario.scene_options(index)
     scene = simulate(options, clips=shipped_clips())
+    if scenario.alter is not None:
+        scene = scenario.alter(scene)
     recording = scene.recording
     if scenario.line_times == "given":
         true = {camera.name: camera.line_time_s for camera in scene.truth.cameras}
         recording = with_known_line_times(recording, true)
-    estimate = Options(estimate_line_time=scenario.line_times == "estimated")
+    given = Options(
+        offset_range_s=scenario.offset_range_s,
+        estimate_line_time=scenario.line_times == "estimated",
+    )
     fps = options.rates(options.n_cameras)[0]
     task = Task(scenario.name, options.seed, False, scene.truth, fps)
-    return rows_of(task, recording, estimate)
+    return rows_of(task, recording, given)
 
 
 def _real(cases: tuple[tuple[str, tuple[int, ...]], ...], index: int) -> tuple[Row, ...]:

@@ -6,7 +6,7 @@ The clocks of all of them are shifted by known amounts, which the calibration ha
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,9 @@ class RealCase:
         Largest accepted "E_R" (rad), "centres m" and "offset frames" (of the worst camera).
     may_refuse : bool
         Whether refusing counts as much as solving.
+    wrong : mapping of str to float
+        Errors from which on a result with status OK counts as wrong: what no truth of these
+        recordings can explain.
     """
 
     name: str
@@ -61,6 +64,7 @@ class RealCase:
     fps: float
     limits: Mapping[str, float]
     may_refuse: bool = False
+    wrong: Mapping[str, float] = field(default_factory=lambda: {"E_R": 0.07, "offset frames": 3.0})
 
 
 def read_demo() -> Converted:

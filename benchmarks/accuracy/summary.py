@@ -108,7 +108,7 @@ def real_section(case: RealCase, truth: Calibration, outcome: Outcome, run: Run)
     errors, found = run.evaluation, outcome.calibration
     figures = {} if errors is None else _real_figures(errors)
     refused = bool(run.failure)
-    beyond = [name for name, limit in case.limits.items() if not figures.get(name, 0.0) <= limit]
+    beyond = [name for name, limit in case.wrong.items() if not figures.get(name, 0.0) <= limit]
     wrong = not refused and bool(beyond)
     solved = Row("solved", "no" if refused else "yes", "yes", not refused)
     if case.may_refuse:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypedDict
 
 import numpy as np
 
@@ -243,7 +244,7 @@ def check_cameras(
     covariance : (7 C, 7 C) ndarray
         Covariance of poses and time offsets, as `pose_covariance` returns it.
     offset_range_s : float
-        Other time offsets are tried within plus and minus this.
+        Other time offsets are tried as long as they are within plus and minus this.
     """
     frame_s = last.observations.step_s
     inliers, observed = last.state.inlier.sum((0, 2)), last.observations.observed.sum((0, 2))
@@ -288,6 +289,13 @@ def _body_checks(
     }
 
 
+class _Tried(TypedDict):
+    """Other time offsets that are tried."""
+
+    max_shift: int
+    offset_range_s: float
+
+
 def _offset_checks(
     cameras: Sequence[LiftedCamera],
     last: Iteration,
@@ -299,8 +307,12 @@ def _offset_checks(
     Where clocks are known, and of the reference, nothing is compared at their own places.
     """
     C, many = len(last.rig.cameras), 1.0 - DEFAULT.many_outliers
-    max_shift = int(np.ceil(offset_range_s / last.observations.step_s))
-    ratio, alternative_s = offset_peak_ratios(last, max_shift=max_shift)
+    furthest_s = offset_range_s + float(np.abs(last.rig.offset_s).max())
+    tried: _Tried = {
+        "max_shift": int(np.ceil(furthest_s / last.observations.step_s)),
+        "offset_range_s": offset_range_s,
+    }
+    ratio, alternative_s = offset_peak_ratios(last, **tried)
     found = {
         "offset_peak_ratio": np.full(C, np.inf),
         "alternative_offset_s": alternative_s,
@@ -312,9 +324,9 @@ def _offset_checks(
         return found
     found["offset_peak_ratio"][1:] = ratio[1:]
     if inlier_fraction.min() < many:
-        of_all, _ = offset_peak_ratios(last, max_shift=max_shift, with_outliers=True)
+        of_all, _ = offset_peak_ratios(last, **tried, with_outliers=True)
         among_all = np.where(inlier_fraction < many, of_all, np.inf)
         found["offset_peak_ratio_with_outliers"] = among_all
-    repeated = repetition_ratios(cameras, last, max_shift=max_shift)
+    repeated = repetition_ratios(cameras, last, **tried)
     found["repetition_ratio"], found["period_s"] = repeated
     return found

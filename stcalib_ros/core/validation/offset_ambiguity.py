@@ -25,7 +25,11 @@ _FINE_FRAMES = 9
 
 
 def offset_peak_ratios(
-    last: Iteration, *, max_shift: int, with_outliers: bool = False
+    last: Iteration,
+    *,
+    max_shift: int,
+    offset_range_s: float = np.inf,
+    with_outliers: bool = False,
 ) -> tuple[Float64Array, Float64Array]:
     """Compare the error at each camera's offset with that at the best other offset.
 
@@ -38,6 +42,8 @@ def offset_peak_ratios(
     last : Iteration
     max_shift : int
         Largest difference of an alternative from the offset found, time bins.
+    offset_range_s : float
+        Offsets of cameras beyond plus and minus this are no alternatives.
     with_outliers : bool
         Use all observations of associated persons, not inliers alone: outliers at the offset found
         may fit at another one.
@@ -56,11 +62,23 @@ def offset_peak_ratios(
     known = count >= MIN_OFFSET_POINTS
     mean = np.where(known, total / np.maximum(count, 1), np.inf)
     found = len(shifts) // 2
-    others = np.where(shifts != 0, mean, np.inf)
+    possible = within_range(last, shifts, offset_range_s)
+    others = np.where(possible & (shifts != 0), mean, np.inf)
     best = others.min(1)
     here = np.where(known[:, found], np.maximum(mean[:, found], 1e-12), np.inf)
     distance_s = np.abs(shifts[others.argmin(1)]) * last.observations.step_s
     return np.where(known[:, found], best, 0.0) / here, distance_s
+
+
+def within_range(last: Iteration, shifts: IntArray, offset_range_s: float) -> BoolArray:
+    """Return which shifts of the images of each camera (C, S) keep its offset within a range.
+
+    An image that is compared with others of time bins before its own has a smaller offset. A bin
+    of tolerance, as offsets are found to fractions of it.
+    """
+    step_s = last.observations.step_s
+    offset_s = last.rig.offset_s[:, None] - shifts * step_s
+    return np.asarray(np.abs(offset_s) <= offset_range_s + step_s)
 
 
 def _shifts(max_shift: int) -> IntArray:

@@ -19,6 +19,7 @@ from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.relative_pose import relative_pose
 from stcalib_ros.core.registration.two_view_refinement import refine_pair
 from stcalib_ros.core.validation.cross_view import matches_of
+from stcalib_ros.core.validation.offset_ambiguity import within_range
 from stcalib_ros.core.validation.thresholds import (
     MAX_MOVED_DISTANCE,
     MAX_REPETITION_DISTANCE,
@@ -47,7 +48,11 @@ class _Images(NamedTuple):
 
 
 def repetition_ratios(
-    cameras: Sequence[LiftedCamera], last: Iteration, *, max_shift: int
+    cameras: Sequence[LiftedCamera],
+    last: Iteration,
+    *,
+    max_shift: int,
+    offset_range_s: float = np.inf,
 ) -> tuple[Float64Array, Float64Array]:
     """Compare the error of each camera with that at a repetition of the motion, moved with it.
 
@@ -58,6 +63,8 @@ def repetition_ratios(
     last : Iteration
     max_shift : int
         Largest difference of an alternative from the time offset found, time bins.
+    offset_range_s : float
+        Offsets of cameras beyond plus and minus this are no alternatives.
 
     Returns
     -------
@@ -72,7 +79,8 @@ def repetition_ratios(
     ratio, distance_s = np.full(C, np.inf), np.zeros(C)
     X = np.where(last.state.triangulated()[..., None], last.state.X, np.nan)
     for images in _images(last, max_shift):
-        for s in _repetitions(X, images):
+        possible = within_range(last, -images.shifts, offset_range_s)[images.camera]
+        for s in _repetitions(X, images, possible):
             found = _error_ratio(cameras, last, X, images, s)
             if found < ratio[images.camera]:
                 ratio[images.camera] = found
@@ -100,7 +108,7 @@ def _images(last: Iteration, max_shift: int) -> list[_Images]:
     return found
 
 
-def _repetitions(X: Float64Array, images: _Images) -> list[int]:
+def _repetitions(X: Float64Array, images: _Images, possible: BoolArray) -> list[int]:
     """Shifts (numbers) at which one rigid motion takes people to where they were, best first."""
     some = X[:, :: max(1, X.shape[1] // _JOINTS)]
     thin = slice(None, None, 1 + (len(images.rows) - 1) // _MAX_SEARCHED)
@@ -111,7 +119,7 @@ def _repetitions(X: Float64Array, images: _Images) -> list[int]:
     distance = np.where(common >= max(least, 1), distance, np.inf)
     padded = np.concatenate([[np.inf], distance, [np.inf]])
     minima = distance <= np.minimum(padded[:-2], padded[2:])
-    close = np.flatnonzero(minima & (distance < MAX_REPETITION_DISTANCE))
+    close = np.flatnonzero(possible & minima & (distance < MAX_REPETITION_DISTANCE))
     return [int(s) for s in close[np.argsort(distance[close])][:_MAX_CANDIDATES]]
 
 

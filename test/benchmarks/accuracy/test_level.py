@@ -230,14 +230,16 @@ def tiny_case(play):
 def test_a_real_recording_has_limits(tiny_case):
     assert verdicts(level.real(tiny_case(0.1), "2d").rows)["offset frames"] is True
     found = verdicts(level.real(tiny_case(1.0), "2d").rows)
-    assert (found["offset frames"], found["wrong, but OK"]) == (False, False)
+    assert (found["offset frames"], found["wrong, but OK"]) == (False, True)
+    found = verdicts(level.real(tiny_case(1.5), "2d").rows)
+    assert found["wrong, but OK"] is False
 
 
 def test_a_real_recording_may_be_refused_but_not_wrong(tiny_case):
     case = replace(tiny_case(1.0, status=Status.DEGENERATE), may_refuse=True)
     assert False not in verdicts(level.real(case, "2d").rows).values()
     assert verdicts(level.real(replace(case, may_refuse=False), "2d").rows)["solved"] is False
-    case = replace(tiny_case(1.0), may_refuse=True)
+    case = replace(tiny_case(1.5), may_refuse=True)
     assert verdicts(level.real(case, "2d").rows)["wrong, but OK"] is False
 
 

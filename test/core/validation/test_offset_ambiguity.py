@@ -49,3 +49,14 @@ def test_an_offset_without_alternatives_is_not_ambiguous(last):
     ratio, distance_s = offset_peak_ratios(last, max_shift=2)
     assert np.isposinf(ratio).all()
     assert (distance_s == 0.0).all()
+
+
+@pytest.mark.parametrize(("offset_frames", "possible"), [(10.0, True), (-10.0, False)])
+def test_offsets_beyond_the_range_are_no_alternatives(last, offset_frames, possible):
+    """Five frames earlier is where another offset fits, in a range of eight frames."""
+    repeated, step_s = with_repeated_motion(last, 5), last.observations.step_s
+    offset_s = last.rig.offset_s.copy()
+    offset_s[1] = offset_frames * step_s
+    moved = replace(repeated, rig=replace(repeated.rig, offset_s=offset_s))
+    ratio, _ = offset_peak_ratios(moved, max_shift=18, offset_range_s=8 * step_s)
+    assert bool(ratio[1] < 1.0) is possible

@@ -139,8 +139,9 @@ def refine_keypoint_bias(
     log_evidence = problem.log_evidence(fit, system)
     if not log_evidence > MIN_LOG_EVIDENCE:
         return None
-    after = _adjusted(cameras, last, fit, trunk, options, problem.layout)
     persons: IntArray = np.unique(problem.obs.person)
+    obs = _corrected(last, fit, persons, trunk)
+    after = _adjusted(cameras, last, obs, fit, options, problem.layout)
     return UnbiasedRound(after, problem.layout, log_evidence, fit, system, persons)
 
 
@@ -156,13 +157,12 @@ def _thinned(last: Iteration) -> tuple[Observations, BundleState]:
 def _adjusted(
     cameras: Sequence[LiftedCamera],
     last: Iteration,
+    obs: Observations,
     fit: BiasFit,
-    trunk: tuple[int, ...],
     options: BundleOptions,
     layout: ParameterLayout,
 ) -> Iteration:
     """Adjust the round with corrected keypoints, from the fit on."""
-    obs = _corrected(last, fit, trunk)
     known = last.state.triangulated()
     state = last.state.with_cameras(fit.cameras)
     n = options.max_iterations
@@ -175,15 +175,24 @@ def _adjusted(
     return finish_iteration(before, last.association, obs, state, total, coverage=last.coverage)
 
 
-def _corrected(last: Iteration, fit: BiasFit, trunk: tuple[int, ...]) -> Observations:
-    """Keypoints where they would be without the biases of a fit."""
+def _corrected(
+    last: Iteration, fit: BiasFit, persons: IntArray, trunk: tuple[int, ...]
+) -> Observations:
+    """Keypoints where they would be without the biases of a fit.
+
+    Those of people who are not among the persons (P,) of the fit stay: it had no row of them.
+    """
     obs = last.observations
     x = obs.x.copy()
     for part in parts_of(obs, last.state, trunk):
+        of_fit = np.flatnonzero(persons == obs.person[part.rows.start])
+        if not len(of_fit):
+            continue
+        bias = fit.bias[of_fit[0]]
         X = last.state.X[part.rows].transpose(2, 1, 0)
         for c, (R, t) in enumerate(zip(fit.cameras.R, fit.cameras.t, strict=True)):
             Y = np.tensordot(R, X, 1) + t[:, None, None]
-            shifted = Y + np.tensordot(R, part.displacement(c, fit.bias[part.person]), 1)
+            shifted = Y + np.tensordot(R, part.displacement(c, bias), 1)
             ahead = (Y[2] > NEAREST) & (shifted[2] > NEAREST)
             depth, shifted_depth = np.where(ahead, (Y[2], shifted[2]), np.inf)
             moved = shifted[:2] / shifted_depth - Y[:2] / depth

@@ -12,7 +12,9 @@ from stcalib_ros.core.bundle.covariance import pose_covariance
 from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.options import BundleOptions
 from stcalib_ros.core.pipeline import run_stages
-from stcalib_ros.core.refinement.keypoint_bias.stage import refine_keypoint_bias
+from stcalib_ros.core.refinement.keypoint_bias.harmonics import trunk_of
+from stcalib_ros.core.refinement.keypoint_bias.solver import Problem
+from stcalib_ros.core.refinement.keypoint_bias.stage import _corrected, refine_keypoint_bias
 from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.synthetic import detector, simulate
 
@@ -61,6 +63,19 @@ def test_without_biases_nothing_changes(small_stages):
     last = small_stages.iterations[-1]
     layout = small_stages.skeleton.layout
     assert refine_keypoint_bias(small_stages.lifted, last, layout, BundleOptions()) is None
+
+
+def test_people_of_whom_the_fit_has_no_row_keep_their_keypoints(leaning):
+    _, stages = leaning
+    last, trunk = stages.iterations[-2], trunk_of(stages.skeleton.layout)
+    fit, _ = Problem(last.observations, last.state, trunk).solve()
+    persons = np.unique(last.observations.person)
+    every = _corrected(last, fit, persons, trunk).x
+    some = _corrected(last, replace(fit, bias=fit.bias[1:]), persons[1:], trunk).x
+    first = last.observations.person == persons[0]
+    np.testing.assert_array_equal(some[first], last.observations.x[first])
+    np.testing.assert_array_equal(some[~first], every[~first])
+    assert not np.array_equal(every[first], some[first], equal_nan=True)
 
 
 def test_unknown_biases_are_part_of_the_covariance(leaning):
