@@ -31,8 +31,8 @@ from stcalib_ros.core.registration.limits import (
 
 _BLOCKS = 8
 """Stretches of a track that count as independent samples of the errors of its poses. Numerical."""
-_MAX_FRAMES = 100
-"""Frames of a track that are compared, at most. Numerical: bounds the cost."""
+_MAX_FRAMES = 200
+"""Frames of all matched tracks that are compared, about. Numerical: bounds the cost."""
 _MIN_STDDEV = 1e-6
 """rad. Standard deviations are taken to be no less. Numerical: those of exact poses are zero."""
 
@@ -91,11 +91,7 @@ def pose_prior(cameras: Sequence[LiftedCamera], h: RelativePose) -> PosePrior | 
     PosePrior or None
         None where people have no 3D poses, where these say nothing, or where they contradict `h`.
     """
-    common = [
-        bodies
-        for p, q in h.matches
-        if len((bodies := _common(cameras, h, cameras[h.a].tracks[p], cameras[h.b].tracks[q])).a)
-    ]
+    common = _common_bodies(cameras, h)
     if not common:
         return None
     body_a, body_b = (np.concatenate([getattr(c, n) for c in common]) for n in ("a", "b"))
@@ -136,15 +132,22 @@ class _Bodies:
     misfit: float
 
 
-def _common(
-    cameras: Sequence[LiftedCamera], h: RelativePose, a: LiftedTrack, b: LiftedTrack
-) -> _Bodies:
-    """Return the poses of a person that two cameras have of the same time."""
+def _common_bodies(cameras: Sequence[LiftedCamera], h: RelativePose) -> list[_Bodies]:
+    """Return the poses of all matched people that two cameras have of the same time."""
     cam_a, cam_b = cameras[h.a], cameras[h.b]
-    a = a[:: -(-len(a.frames) // _MAX_FRAMES)]
-    times = cam_a.stamps[a.frames] + h.lag_s
+    stride = -(-sum(len(cam_a.tracks[p].frames) for p, _ in h.matches) // _MAX_FRAMES)
     period = frame_period(cam_b.stamps)
-    at = Interpolation(cam_b.stamps[b.frames], times, period=period)
+    found = []
+    for p, q in h.matches:
+        track_a, track_b = cam_a.tracks[p][::stride], cam_b.tracks[q]
+        times = cam_a.stamps[track_a.frames] + h.lag_s
+        at = Interpolation(cam_b.stamps[track_b.frames], times, period=period)
+        found.append(_common(track_a, track_b, at))
+    return [one for one in found if len(one.a)]
+
+
+def _common(a: LiftedTrack, b: LiftedTrack, at: Interpolation) -> _Bodies:
+    """Return the poses of a person in the frames of a, with those of b at these times."""
     joints_a, joints_b = a.joints_cam.astype(np.float64), at(b.joints_cam)
     both: BoolArray = np.asarray(np.isfinite(joints_a + joints_b).all(-1))
     rows = both.sum(-1) >= MIN_JOINTS

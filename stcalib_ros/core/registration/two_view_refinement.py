@@ -39,7 +39,7 @@ _FIRST_DAMPING = 1e-3
 """Factor on the diagonal of the normal equations. Numerical: Levenberg-Marquardt."""
 _MAX_DAMPING = 1e3
 """Factor on the diagonal. Numerical: with more a step is too short to help, so that it ends."""
-_CONVERGED = 0.1
+_CONVERGED = 0.3
 """Ratio to the cost of one keypoint, which is what a standard deviation of an unknown changes.
 Numerical: it has converged when a step gains less."""
 
