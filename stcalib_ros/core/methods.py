@@ -12,7 +12,12 @@ import numpy as np
 
 from stcalib_ros.core.bundle.covariance import pose_covariance
 from stcalib_ros.core.integration.averaging import credible, integrate
-from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, largest_part
+from stcalib_ros.core.integration.exclusions import (
+    Disconnected,
+    Exclusions,
+    largest_part,
+    require_parallax,
+)
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.paper.registration import PairRegistration
@@ -73,7 +78,9 @@ def _register(problem: CalibrationProblem) -> Registered:
         problem.executor,
         lambda fraction: problem.control.tick("pairwise registration", fraction),
     )
-    return Registered(credible([h for hypotheses in found for h in hypotheses]))
+    hypotheses = credible([h for hypotheses in found for h in hypotheses])
+    require_parallax(problem.views.lifted, hypotheses)
+    return Registered(hypotheses)
 
 
 def _integrate(

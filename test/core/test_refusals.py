@@ -17,11 +17,13 @@ from core_helpers import (
 )
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import CameraRecording, Recording, Track
 from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import Scene, SceneOptions, scene, simulate
+from stcalib_ros.core.synthetic.rigs import ring_rig
 
 FOUR = replace(SMALL, n_cameras=4, n_frames=100)
 
@@ -307,3 +309,22 @@ def test_no_camera_at_all():
 def test_people_who_walk_in_a_short_clip_are_not_said_to_stand(n):
     short = every(simulate(replace(SMALL, n_cameras=4)).recording, first(n))
     assert RejectionReason.NO_MOTION not in refusals(calibrate(short, HALF_SECOND))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_cameras_at_one_place(seed):
+    rig = ring_rig(
+        np.random.default_rng(seed),
+        2,
+        image_size=(1920, 1080),
+        focal_px=1000.0,
+        radius_m=(3.5, 5.0),
+        height_m=(1.5, 2.5),
+    )
+    R = np.stack([rig.R_cam_world[0], exp_so3(np.array([0.0, 0.12, 0.05])) @ rig.R_cam_world[0]])
+    t = -np.einsum("cij,j->ci", R, rig.centres_world[0])
+    turned = replace(rig, R_cam_world=R, t_cam_world=t)
+    scene = simulate(replace(FOUR, rig=turned, n_cameras=2, seed=seed))
+    calibration = verdict(scene.recording)
+    assert calibration.status is Status.DEGENERATE
+    assert refusals(calibration)[0] is RejectionReason.NO_PARALLAX

@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from stcalib_ros.core.geometry.graphs import connected_groups
+from stcalib_ros.core.integration.averaging import reliability
+from stcalib_ros.core.integration.limits import MIN_PARALLAX
 from stcalib_ros.core.model.calibration import Insufficient, Status, UncalibratedCamera
+from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig, sub_rig
@@ -48,6 +53,40 @@ class Exclusions:
             cameras = tuple(self.names[c] for c in group)
             grown = grown.adding(group, Rejection(reason, cameras, others=others))
         return grown
+
+
+def require_parallax(cameras: Sequence[LiftedCamera], hypotheses: Sequence[RelativePose]) -> None:
+    """Require that not all cameras stand at one place.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+        All cameras.
+    hypotheses : sequence of RelativePose
+
+    Raises
+    ------
+    Insufficient
+        The most reliable hypothesis of no pair of cameras places them apart.
+    """
+    best: dict[tuple[int, int], RelativePose] = {}
+    for h in sorted(hypotheses, key=reliability):
+        best[h.a, h.b] = h
+    largest = max((parallax(cameras[h.a], h) for h in best.values()), default=float("inf"))
+    if largest < MIN_PARALLAX:
+        raise Insufficient(
+            Status.DEGENERATE,
+            Rejection(RejectionReason.NO_PARALLAX, measured=largest, limit=MIN_PARALLAX),
+        )
+
+
+def parallax(camera: LiftedCamera, h: RelativePose) -> float:
+    """Return the distance of two cameras over that of the people from the first of them."""
+    depths = np.concatenate([camera.tracks[p].root_cam[:, 2] for p, _ in h.matches])
+    known = depths[np.isfinite(depths)]
+    if not len(known):
+        return float("inf")
+    return float(np.linalg.norm(h.t_a_b) / np.median(known))
 
 
 def largest_group(

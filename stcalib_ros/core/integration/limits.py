@@ -11,6 +11,11 @@ POSITION_SCALE = 0.5
 """Metres by the size of the people. As `ROTATION_SCALE`, for the translation. Chosen on simulated
 scenes of benchmarks.accuracy.level; not verified on real recordings."""
 
+MIN_PARALLAX = 0.03
+"""Ratio. Distance of two cameras over that of the people, at which they count as two. Cameras at
+one place look 0.014 to 0.028 apart with 3 px of noise at 1000 px. Chosen on simulated cameras at
+one place, as in test/core/test_refusals.py."""
+
 LENGTH_WEIGHT = 0.1
 """Ratio of weights. The length of a translation counts for so much of its direction: it is known by
 the size of the people only, to 15 %, and the direction by keypoints, to 0.05 rad. Derived."""

@@ -42,6 +42,11 @@ _SENTENCES = {
         "no two cameras see the same person move: check that their views overlap, that their "
         "clocks agree within {limit:g} s (offset_range_s), and record longer"
     ),
+    _R.NO_PARALLAX: (
+        "the cameras stand at one place: they are {measured:.1%} of the distance of the people "
+        "apart at most, {limit:.0%} are needed; only their rotations could be found: move one "
+        "aside, by a tenth of that distance and more"
+    ),
     _R.NO_SHARED_OBSERVATIONS: (
         "people could not be matched across views: too few of their keypoints fit any two "
         "cameras; check the intrinsics, let views overlap more, and record longer"

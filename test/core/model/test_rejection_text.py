@@ -35,6 +35,7 @@ REJECTIONS = (
     ),
     (Rejection(R.NO_TEMPORAL_OVERLAP, (), 11.0, 12.0), "at most 11 images .*, 12 are needed"),
     (Rejection(R.NO_MOTION, (), 0.012, 0.03), "by 1.2% of a body's height at most, 3% are needed"),
+    (Rejection(R.NO_PARALLAX, (), 0.004, 0.03), "0.4% of the distance .* 3% are needed"),
     (Rejection(R.NO_SHARED_MOTION, limit=2.0), r"clocks agree within 2 s \(offset_range_s\)"),
     (Rejection(R.NO_SHARED_OBSERVATIONS), "could not be matched across views: .*; check the intri"),
     (Rejection(R.DISCONNECTED, others=("a", "b")), "shares nobody's motion with a, b: move it"),
