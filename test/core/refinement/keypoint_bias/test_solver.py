@@ -30,6 +30,18 @@ def test_biases_of_some_millimetres_leave_a_hint(bias_mm, hint):
     assert e.hints_at_biases() == hint
 
 
+@pytest.mark.parametrize(("size", "hint"), [(1.0, False), (1.3, True)])
+def test_gradients_as_large_as_noise_makes_them_are_no_hint(small_stages, size, hint):
+    _, e = at_start(small_stages)
+    noise = np.random.default_rng(0).normal(size=e.gradient.shape)
+    gradient = size * np.sqrt(e.observed) * noise
+    # Chance alone brings some group above its mean.
+    member = prior_groups(noise.shape[-1])
+    squares, observed = (v.sum((0, 1)) @ member for v in (gradient**2, e.observed))
+    assert (squares > observed).any()
+    assert replace(e, gradient=gradient).hints_at_biases() == hint
+
+
 def test_the_hint_is_the_slope_of_the_marginal_likelihood(small_stages):
     fit, e = at_start(small_stages)
     S = np.linalg.inv(e.inverse) - (1.0 / fit.variance)[..., None] * np.eye(fit.bias.shape[-1])
