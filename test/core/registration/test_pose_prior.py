@@ -6,14 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from core_helpers import EXACT, lifted
+from core_helpers import EXACT, lifted, true_rig
 from epipolar_helpers import direction_error, true_pair
 
 from stcalib_ros.core.geometry.so3 import exp_so3, rotation_angle
 from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.recording import keypoints_only
+from stcalib_ros.core.model.relative_pose import relative_pose
+from stcalib_ros.core.options import Options
+from stcalib_ros.core.registration.pairs import pair_tasks, register
 from stcalib_ros.core.registration.pose_prior import PosePrior, pose_prior
+from stcalib_ros.core.registration.resampling import Grid, common_step
 from stcalib_ros.core.registration.two_view_refinement import refine_pair
-from stcalib_ros.core.synthetic import simulate
+from stcalib_ros.core.synthetic import SceneOptions, paper_scene, simulate
 
 
 @pytest.fixture(scope="module")
@@ -148,3 +153,33 @@ def test_a_prior_that_knows_nothing_changes_nothing(exact):
     with_it, without = refine_pair(cameras, truth, prior=vague), refine_pair(cameras, truth)
     assert rotation_angle(with_it.R_a_b.T @ without.R_a_b) < 1e-6
     assert direction_error(with_it.t_a_b, without.t_a_b) < 1e-6
+
+
+def pair_errors(scene, recording) -> list[float]:
+    """Errors (rad) of the rotations of all pairs of a scene, as they are registered."""
+    skeleton, cameras = lifted(recording)
+    step = common_step(cameras)
+    grid = Grid(float(cameras[0].stamps[0]), step, len(cameras[0].stamps))
+    options = Options(offset_range_s=0.0)
+    found = [
+        register(t)[0] for t in pair_tasks(cameras, [0, 1, 2, 3], skeleton, options, grid=grid)
+    ]
+    rig = true_rig(scene)
+    truth = [relative_pose(rig, h.a, h.b) for h in found]
+    return [float(rotation_angle(h.R_a_b.T @ t.R_a_b)) for h, t in zip(found, truth, strict=True)]
+
+
+def test_pairs_with_good_3d_poses_are_better_than_by_keypoints_alone():
+    scene = paper_scene(SceneOptions(n_frames=60, sigma_px=3.0, seed=5), offset_frames=0.0)
+    fused = pair_errors(scene, scene.recording)
+    flat = pair_errors(scene, keypoints_only(scene.recording))
+    assert np.mean(fused) < 0.5 * np.mean(flat)
+
+
+def test_pairs_with_poor_3d_poses_are_no_worse_than_by_keypoints_alone():
+    fused, flat = [], []
+    for seed in (4, 5, 6):
+        scene = simulate(SceneOptions(n_frames=90, sigma_px=3.0, seed=seed, max_offset_frames=0))
+        fused += pair_errors(scene, scene.recording)
+        flat += pair_errors(scene, keypoints_only(scene.recording))
+    assert np.mean(fused) < 1.1 * np.mean(flat)
