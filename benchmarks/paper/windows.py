@@ -1,7 +1,7 @@
 """A pair of cameras on given windows of frames: the paper's protocol, for either method.
 
-The paper's method compares whole frames, and offsets of the protocol are whole frames: its errors of
-them are zero or whole frames. The refinement of the default method knows nothing of that.
+The paper's method compares whole frames, and offsets of the protocol are whole frames: its errors
+of them are zero or whole frames. The refinement of the default method knows nothing of that.
 """
 
 from __future__ import annotations
