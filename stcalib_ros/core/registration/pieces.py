@@ -171,9 +171,10 @@ def _unmirrored(track: LiftedTrack, times: Float64Array, mirrored: IntArray) -> 
     flipped = _flipped(track, times, mirrored)
     if not flipped.any():
         return track
-    x, focal = track.x.copy(), track.focal.copy()
-    x[flipped], focal[flipped] = x[flipped][:, mirrored], focal[flipped][:, mirrored]
-    return replace(track, x=x, focal=focal)
+    x, focal, joints = track.x.copy(), track.focal.copy(), track.joints_cam.copy()
+    for values in (x, focal, joints):
+        values[flipped] = values[flipped][:, mirrored]
+    return replace(track, x=x, focal=focal, joints_cam=joints)
 
 
 def _flipped(track: LiftedTrack, times: Float64Array, mirrored: IntArray) -> BoolArray:
