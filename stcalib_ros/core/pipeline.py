@@ -18,6 +18,7 @@ from stcalib_ros.core.lifting.keypoint_checks import (
     keypoint_remarks,
     without_people,
 )
+from stcalib_ros.core.lifting.track_checks import track_faults
 from stcalib_ros.core.lifting.views import LiftedViews, lift_views
 from stcalib_ros.core.methods import METHODS
 from stcalib_ros.core.model.calibration import Calibration, Insufficient, Status
@@ -116,7 +117,7 @@ def run_stages(
     method = METHODS[options.registration.method]
 
     control.tick("lift", 0.0)
-    faults = keypoint_faults(recording, min_score=options.min_score)
+    faults = track_faults(recording) | keypoint_faults(recording, min_score=options.min_score)
     views = lift_views(without_people(recording, faults), options)
     hypotheses: tuple[RelativePose, ...] = ()
     rigs: tuple[Rig, ...] = ()

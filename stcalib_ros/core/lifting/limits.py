@@ -59,3 +59,20 @@ NORMALISED_EXTENT = 0.01
 """Fraction of the image. Keypoints of such a camera are taken for fractions if half of its poses
 are at least as large, else for poses that are all at one place (`ONE_PLACE_PX`). Derived: people of
 whom something can be estimated are larger."""
+
+MIN_CONTINUED = 0.7
+"""Fraction of the poses of a camera. With fewer that go on from the pose before of the same id, ids
+are no tracks: of two people whose ids are shuffled half go on, with a new id in every image none.
+Trackers that lose somebody every 15 images keep 0.93. Chosen between."""
+
+TRACK_JUMP = 0.5
+"""Ratio to the size of a person in the image. A pose further from the one before is of somebody
+else. Derived: a run of 5 m/s is 0.3 of a body's height in a tenth of a second."""
+
+LONGEST_BREAK_S = 0.5
+"""Seconds. A track that was lost for longer does not go on. Chosen, like the longest gap within
+which registration keeps a track."""
+
+MIN_TRACKED_POSES = 60
+"""Poses of a camera, count. With fewer nothing is said about its ids. Chosen: two seconds of one
+person at 30 Hz."""

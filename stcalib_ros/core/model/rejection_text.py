@@ -25,6 +25,10 @@ _SENTENCES = {
         "all keypoints of each person are at one place, within {measured:.2g} px: check the pose "
         "estimator's output"
     ),
+    _R.IDS_ARE_NO_TRACKS: (
+        "its track ids are no tracks: {measured:.0%} of its poses go on from the image before "
+        "under the same id, {limit:.0%} are needed; switch tracking on in its pose estimator"
+    ),
     _R.CLOCK_EPOCH_DIFFERS: (
         "its clock does not overlap with the others: {begin_s:.1f}..{end_s:.1f} s against "
         "{others_begin_s:.1f}..{others_end_s:.1f} s, a gap of {measured:.1f} s where "

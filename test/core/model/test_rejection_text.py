@@ -28,6 +28,7 @@ REJECTIONS = (
         ),
         "normalised: they lie between 0.02 and 1, .* 1280 x 720 .*; multiply those of 0..1 by",
     ),
+    (Rejection(R.IDS_ARE_NO_TRACKS, (), 0.33, 0.7), "33% of its poses .*, 70% .* tracking on"),
     (Rejection(R.KEYPOINTS_COINCIDE, (), 0.5, 1.0, "px"), "at one place, within 0.5 px: check"),
     (
         Rejection(R.CLOCK_EPOCH_DIFFERS, (), 3598.0, 1.0, "s", (), SPANS),

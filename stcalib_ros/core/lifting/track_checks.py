@@ -1,0 +1,75 @@
+"""Whether the track ids of a camera follow persons from image to image."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stcalib_ros.core.lifting.limits import (
+    LONGEST_BREAK_S,
+    MIN_CONTINUED,
+    MIN_TRACKED_POSES,
+    TRACK_JUMP,
+)
+from stcalib_ros.core.model.arrays import Float64Array, FloatArray, IntArray
+from stcalib_ros.core.model.recording import CameraRecording, Recording, Track
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
+
+
+def track_faults(recording: Recording) -> dict[str, Rejection]:
+    """Return why the track ids of a camera cannot be used, by the names of such cameras.
+
+    A pose estimator without a tracker sends a new id for everybody in every image, or the place in
+    its list, which changes from image to image.
+    """
+    faults = {}
+    for camera in recording.cameras:
+        continued = continued_fraction(camera)
+        if continued < MIN_CONTINUED:
+            reason = RejectionReason.IDS_ARE_NO_TRACKS
+            faults[camera.name] = Rejection(reason, (camera.name,), continued, MIN_CONTINUED)
+    return faults
+
+
+def continued_fraction(camera: CameraRecording) -> float:
+    """Return the fraction of poses that go on from the pose before of the same id.
+
+    The first image with anybody has none before. NaN where there are too few poses.
+    """
+    tracks = [track for track in camera.tracks if len(track.frames)]
+    n_poses = sum(len(track.frames) for track in tracks)
+    if not tracks or n_poses < MIN_TRACKED_POSES:
+        return float("nan")
+    first = min(int(track.frames[0]) for track in tracks)
+    begun = sum(int(track.frames[0]) == first for track in tracks)
+    continued = sum(_continued(track, camera) for track in tracks)
+    return continued / max(n_poses - begun, 1)
+
+
+def _continued(track: Track, camera: CameraRecording) -> int:
+    """Count the poses of a track that are near the one before, in time and in the image."""
+    if len(track.frames) < 2:
+        return 0
+    gap = np.diff(camera.stamps[track.frames])
+    moved = np.linalg.norm(np.diff(track.keypoints, axis=0), axis=-1)
+    near = _middle(moved) < TRACK_JUMP * _size(track.keypoints)
+    known = np.isfinite(moved).any(-1)
+    return int(((near | ~known) & (gap <= LONGEST_BREAK_S)).sum())
+
+
+def _middle(values: FloatArray) -> Float64Array:
+    """Return the median (F,) of the finite ones of each row (F, J), infinite without any."""
+    ordered = np.sort(values, axis=-1)
+    count: IntArray = np.isfinite(ordered).sum(-1)
+    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[:, None] // 2, -1)[:, 0]
+    return np.asarray(np.where(count > 0, middle, np.inf), dtype=np.float64)
+
+
+def _size(keypoints: FloatArray) -> float:
+    """Return the usual larger side of the box around a person's keypoints, px."""
+    sides = [
+        np.fmax.reduce(keypoints[..., k], axis=1) - np.fmin.reduce(keypoints[..., k], axis=1)
+        for k in (0, 1)
+    ]
+    largest = np.fmax(*sides)
+    known = largest[np.isfinite(largest)]
+    return float(np.median(known)) if len(known) else 0.0
