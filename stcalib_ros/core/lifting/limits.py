@@ -65,13 +65,21 @@ MIN_CONTINUED = 0.7
 are no tracks: of two people whose ids are shuffled half go on, with a new id in every image none.
 Trackers that lose somebody every 15 images keep 0.93. Chosen between."""
 
-TRACK_JUMP = 0.5
-"""Ratio to the size of a person in the image. A pose further from the one before is of somebody
-else. Derived: a run of 5 m/s is 0.3 of a body's height in a tenth of a second."""
+TRACK_JUMP = 0.4
+"""Ratio to the size of a person in the image. A pose further from the one before than this, and
+than `TRACK_SPEED` allows, is of somebody else. Chosen: people are usually further from each
+other."""
+
+TRACK_SPEED = 3.0
+"""Sizes of a person per second. See `TRACK_JUMP`. Derived: a run of 5 m/s."""
 
 LONGEST_BREAK_S = 0.5
-"""Seconds. A track that was lost for longer does not go on. Chosen, like the longest gap within
-which registration keeps a track."""
+"""Seconds. A track that was lost for longer, and for `LONGEST_BREAK_FRAMES`, does not go on.
+Chosen, like the longest gap within which registration keeps a track."""
+
+LONGEST_BREAK_FRAMES = 3.0
+"""Frame periods. See `LONGEST_BREAK_S`: cameras of two images a second have tracks as well.
+Chosen."""
 
 MIN_TRACKED_POSES = 60
 """Poses of a camera, count. With fewer nothing is said about its ids. Chosen: two seconds of one

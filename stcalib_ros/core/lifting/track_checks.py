@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.lifting.limits import (
+    LONGEST_BREAK_FRAMES,
     LONGEST_BREAK_S,
     MIN_CONTINUED,
     MIN_TRACKED_POSES,
     TRACK_JUMP,
+    TRACK_SPEED,
 )
 from stcalib_ros.core.model.arrays import Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.recording import CameraRecording, Recording, Track
@@ -51,9 +54,10 @@ def _continued(track: Track, camera: CameraRecording) -> int:
         return 0
     gap = np.diff(camera.stamps[track.frames])
     moved = np.linalg.norm(np.diff(track.keypoints, axis=0), axis=-1)
-    near = _middle(moved) < TRACK_JUMP * _size(track.keypoints)
+    near = _middle(moved) < (TRACK_JUMP + TRACK_SPEED * gap) * _size(track.keypoints)
     known = np.isfinite(moved).any(-1)
-    return int(((near | ~known) & (gap <= LONGEST_BREAK_S)).sum())
+    longest = max(LONGEST_BREAK_S, LONGEST_BREAK_FRAMES * frame_period(camera.stamps))
+    return int(((near | ~known) & (gap <= longest)).sum())
 
 
 def _middle(values: FloatArray) -> Float64Array:

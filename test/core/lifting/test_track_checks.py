@@ -82,3 +82,19 @@ def test_of_few_poses_nothing_is_said():
 def replace_rows(track, n):
     arrays = (getattr(track, name)[:n] for name in ("frames", "keypoints", "joints", "scores"))
     return Track(track.track_id, *arrays)
+
+
+@pytest.mark.parametrize("every", [6, 15])
+def test_few_images_a_second_have_tracks_as_well(every):
+    camera = SCENE.recording.cameras[0]
+
+    def thinned(track):
+        kept = track.frames % every == 0
+        arrays = (getattr(track, name)[kept] for name in ("keypoints", "joints", "scores"))
+        return Track(track.track_id, track.frames[kept] // every, *arrays)
+
+    slow = replace(
+        camera, stamps=camera.stamps[::every], tracks=tuple(thinned(t) for t in camera.tracks)
+    )
+    people = tuple(replace(t, track_id=10 * k + t.track_id) for k in range(5) for t in slow.tracks)
+    assert continued_fraction(replace(slow, tracks=people)) > MIN_CONTINUED + 0.1
