@@ -22,7 +22,6 @@ from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.registration.limits import (
     CONTRADICTION_RAD,
-    CONTRADICTION_STDDEVS,
     DIRECTION_RATIO,
     MAX_ROTATION_STDDEV,
     MIN_BASELINE_M,
@@ -102,10 +101,7 @@ def pose_prior(cameras: Sequence[LiftedCamera], h: RelativePose) -> PosePrior | 
     misfit = float(np.mean([c.misfit for c in common]))
     rotation = float(np.hypot(by_poses, misfit))
     away = float(rotation_angle(R_a_b.T @ h.R_a_b))
-    if not (
-        rotation < MAX_ROTATION_STDDEV
-        and away < CONTRADICTION_STDDEVS * rotation + CONTRADICTION_RAD
-    ):
+    if not (rotation < MAX_ROTATION_STDDEV and away < CONTRADICTION_RAD):
         return None
     middle_a, middle_b = (
         np.concatenate([getattr(c, n) for c in common]) for n in ("middle_a", "middle_b")
