@@ -168,13 +168,12 @@ def test_the_python_of_the_readme_makes_a_message() -> None:
     person = argparse.Namespace(
         track_id=3,
         score=0.5,
-        xyz=np.ones((17, 3), np.float32),
         uv=np.ones((17, 2)),
         joint_scores=np.ones(17),
     )
     message = names["poses_message"](header, [person])
     (sent,) = message.persons
-    assert (len(sent.joints), len(sent.keypoints), len(sent.joint_scores)) == (51, 34, 17)
+    assert (len(sent.joints), len(sent.keypoints), len(sent.joint_scores)) == (0, 34, 17)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)

@@ -118,6 +118,11 @@ def judge(
     )
     left_out = solution.exclusions.cameras
     explained = find_ambiguity(cameras, skeleton, last).rejections() if left_out else ()
+    rivals = tuple(
+        one.rejection for one in left_out if one.rejection.reason is RejectionReason.RIVAL_SOLUTION
+    )
+    if rivals and explained:  # what is ambiguous about the others may be so about these as well
+        return Judgement(Status.DEGENERATE, (rivals[0], *explained))
     return Judgement(Status.OK, explained, remarks)
 
 
