@@ -127,9 +127,10 @@ CORRELATED_KEYPOINTS = 20
 common. Where frames are left out, fewer. Chosen on simulated scenes of benchmarks.accuracy.level;
 not verified on real recordings."""
 
-MAX_ROTATION_STDDEV = 0.1
-"""rad. 3D poses whose rotation is known no better than that are no help to keypoints, and are not
-used. Chosen on simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
+MAX_ROTATION_STDDEV = 0.03
+"""rad. 3D poses that know the rotation of a pair no better are not used: keypoints know it as well,
+and real lifters err alike in all frames, which scatter does not show. Those of usual lifters and of
+the demo's BlazePose have 0.055 to 0.1; a pair of the demo became 0.1 rad worse by them."""
 
 DIRECTION_RATIO = 2.0
 """Ratio. Standard deviation of the direction of the translation over that of the rotation, at
@@ -141,7 +142,6 @@ SCATTER_FACTOR = 2.0
 poses in common: their scatter counts times this. Chosen on simulated scenes of
 benchmarks.accuracy.level; not verified on real recordings."""
 
-CONTRADICTION_RAD = 0.03
-"""rad. 3D poses whose rotation differs by more from that of the keypoints are not used, however
-little they scatter: real lifters err alike in all frames. On the demo's BlazePose, 0.1 off, pairs
-became worse by that; poses as exact as in the paper's scenes are within 0.02."""
+CONTRADICTION_RAD = 0.1
+"""rad. 3D poses whose rotation differs by more from that of the keypoints are not used: what the
+start by keypoints itself may be off in a window of five frames. Chosen."""

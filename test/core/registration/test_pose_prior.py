@@ -103,7 +103,7 @@ def test_poses_turned_off_their_keypoints_are_doubted_though_they_all_agree(exac
 
 def test_poses_that_contradict_the_keypoints_are_not_used(exact):
     cameras, truth = exact
-    for angle, used in ((0.02, True), (0.04, False)):
+    for angle, used in ((0.08, True), (0.12, False)):
         start = replace(truth, R_a_b=exp_so3(np.array([angle, 0.0, 0.0])) @ truth.R_a_b)
         assert (pose_prior(cameras, start) is not None) == used
 
