@@ -223,7 +223,6 @@ def _registered(
             options,
             max_lag=search,
             rng=np.random.default_rng([seed, trial, a, b]),
-            refine=True,
         )
         cpu_s = time.process_time() - began
         more = {"pair": f"{a}-{b}", "cpu_s": cpu_s, "sigma_px": sigma, "seed": seed}

@@ -22,7 +22,7 @@ from stcalib_ros.core.paper.oriented import oriented_points
 from stcalib_ros.core.paper.registration import PairRegistration
 from stcalib_ros.core.paper.registration import register as register_vmf
 from stcalib_ros.core.registration.epipolar_correlation import keypoint_moments
-from stcalib_ros.core.registration.pairs import PairTask, propose, register
+from stcalib_ros.core.registration.pairs import PairTask, register
 from stcalib_ros.core.registration.pieces import whole_tracks
 from stcalib_ros.core.registration.resampling import Grid, common_step
 
@@ -39,7 +39,6 @@ def register_on_windows(
     *,
     max_lag: int,
     rng: np.random.Generator,
-    refine: bool = False,
 ) -> PairRegistration | None:
     """Register two cameras on windows of ``options.vmf.window`` frames of the first.
 
@@ -60,8 +59,6 @@ def register_on_windows(
         same stamp; 0: synchronised.
     rng : numpy.random.Generator
         Generator for the paper's initial rotations; the default method needs none.
-    refine : bool
-        Default method only: refine on the keypoints of the windows, to fractions of a frame.
 
     Returns
     -------
@@ -93,7 +90,7 @@ def register_on_windows(
         return None if found is None else replace(found, starts=first)
     inside = _only_windows(cam_a, first, window, step)
     return _by_correlation(
-        views, a, b, inside, first, options, begin=begin, n=size, max_lag=max_lag, refine=refine
+        views, a, b, inside, first, options, begin=begin, n=size, max_lag=max_lag
     )
 
 
@@ -126,7 +123,6 @@ def _by_correlation(
     begin: float,
     n: int,
     max_lag: int,
-    refine: bool,
 ) -> PairRegistration | None:
     """The default method on the windows of the target."""
     window, o = options.vmf.window, options.registration
@@ -144,7 +140,7 @@ def _by_correlation(
         max_lag == 0,
         max_points=_ALL_POINTS,
     )
-    hypotheses = (register if refine else propose)(task)
+    hypotheses = register(task)
     if not hypotheses:
         return None
     best = max(hypotheses, key=reliability)

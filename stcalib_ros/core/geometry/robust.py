@@ -1,4 +1,4 @@
-"""Constants of robust estimation; limits of two and more packages stand here once.
+"""Robust estimation: the median, and constants of two and more packages.
 
 References
 ----------
@@ -7,6 +7,10 @@ Z. Zhang, "Parameter estimation techniques: a tutorial with application to conic
 """
 
 from __future__ import annotations
+
+import numpy as np
+
+from stcalib_ros.core.model.arrays import Float64Array, FloatArray
 
 CAUCHY = 2.385
 """Ratio to the standard deviation. Scale c of the Cauchy loss ``log(1 + (r / c)^2)``. Derived: with
@@ -36,3 +40,23 @@ scenes of benchmarks.accuracy.level with 3 px of noise; not verified on real rec
 LEAST_SHARE = 0.2
 """Ratio to the scale of all cameras. A camera's own noise is not taken to be less. Chosen on
 simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
+
+
+def median_of_known(
+    values: FloatArray, *, least: int = 1, otherwise: float = float("inf")
+) -> Float64Array:
+    """Return the lower median over the last axis of the finite ones of some values.
+
+    Parameters
+    ----------
+    values : (..., N) ndarray
+    least : int
+        How many must be finite.
+    otherwise : float
+        What stands where fewer are.
+    """
+    ordered = np.sort(np.where(np.isfinite(values), values, np.inf), axis=-1)
+    count = np.isfinite(values).sum(-1)
+    index = np.maximum(count - 1, 0) // 2
+    middle = np.take_along_axis(ordered, index[..., None], -1)[..., 0]
+    return np.where(count >= least, middle, otherwise).astype(np.float64)

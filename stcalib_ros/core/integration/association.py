@@ -22,6 +22,7 @@ from stcalib_ros.core.geometry.interpolation import (
     bridged,
     frame_period,
 )
+from stcalib_ros.core.geometry.robust import median_of_known
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.integration.limits import (
     BODY_WEIGHT,
@@ -195,21 +196,11 @@ def _distance(a: _Samples, b: _Samples, R_a_b: Float64Array, t_a_b: Float64Array
             a.focal[here, s].reshape(*here.shape, -1) * b.focal[there, s].reshape(*there.shape, -1)
         )
         errors = np.abs(sampson(E, x_a, x_b)) * focal
-        epipolar[here, there, s] = _median(errors, MIN_SHARED_KEYPOINTS)
+        epipolar[here, there, s] = median_of_known(errors, least=MIN_SHARED_KEYPOINTS)
         gap = np.linalg.norm(a.body[here, s] - b.body[there, s], axis=-1)
         reach = MAX_DEPTH_ERROR * (a.depth[here, s] + b.depth[there, s])
-        apart = _median(gap / reach, 1)
-        body[here, there, s] = np.where(np.isfinite(apart), apart, 0.0)
+        body[here, there, s] = median_of_known(gap / reach, otherwise=0.0)
     return _Distance(epipolar, body)
-
-
-def _median(values: Float64Array, least: int) -> Float64Array:
-    """Median over the last axis of the finite values; inf where fewer than `least` are."""
-    count = np.isfinite(values).sum(-1)
-    ordered = np.sort(values, axis=-1)
-    index = np.maximum(count - 1, 0) // 2
-    middle = np.take_along_axis(ordered, index[..., None], -1)[..., 0]
-    return np.asarray(np.where(count >= least, middle, np.inf))
 
 
 def _tolerance(distance: dict[tuple[int, int], _Distance], floor_px: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stcalib_ros.core.geometry.interpolation import frame_period
+from stcalib_ros.core.geometry.robust import median_of_known
 from stcalib_ros.core.lifting.limits import (
     LONGEST_BREAK_FRAMES,
     LONGEST_BREAK_S,
@@ -13,7 +14,7 @@ from stcalib_ros.core.lifting.limits import (
     TRACK_JUMP,
     TRACK_SPEED,
 )
-from stcalib_ros.core.model.arrays import Float64Array, FloatArray, IntArray
+from stcalib_ros.core.model.arrays import FloatArray
 from stcalib_ros.core.model.recording import CameraRecording, Recording, Track
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 
@@ -54,18 +55,10 @@ def _continued(track: Track, camera: CameraRecording) -> int:
         return 0
     gap = np.diff(camera.stamps[track.frames])
     moved = np.linalg.norm(np.diff(track.keypoints, axis=0), axis=-1)
-    near = _middle(moved) < (TRACK_JUMP + TRACK_SPEED * gap) * _size(track.keypoints)
+    near = median_of_known(moved) < (TRACK_JUMP + TRACK_SPEED * gap) * _size(track.keypoints)
     known = np.isfinite(moved).any(-1)
     longest = max(LONGEST_BREAK_S, LONGEST_BREAK_FRAMES * frame_period(camera.stamps))
     return int(((near | ~known) & (gap <= longest)).sum())
-
-
-def _middle(values: FloatArray) -> Float64Array:
-    """Return the median (F,) of the finite ones of each row (F, J), infinite without any."""
-    ordered = np.sort(values, axis=-1)
-    count: IntArray = np.isfinite(ordered).sum(-1)
-    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[:, None] // 2, -1)[:, 0]
-    return np.asarray(np.where(count > 0, middle, np.inf), dtype=np.float64)
 
 
 def _size(keypoints: FloatArray) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.geometry.robust import median_of_known
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.options import RegistrationOptions
 from stcalib_ros.core.registration.epipolar_correlation import (
@@ -61,8 +62,6 @@ class Agreement:
         Common points, count.
     error_px : float
         Root mean square Sampson distance.
-    next_error_px : float
-        That of the next best independent matrix: what the motion does not tell apart.
     """
 
     lag: float
@@ -70,7 +69,6 @@ class Agreement:
     E: Float64Array
     points: float
     error_px: float
-    next_error_px: float
 
     @property
     def support(self) -> float:
@@ -120,7 +118,7 @@ def _seeds(pair: _Pair, every: int) -> list[tuple[int, int, int]]:
     )
     error *= pair.focal_px
     known = np.isfinite(error)
-    usual = _median_of_known(error)
+    usual = median_of_known(error)
     best = np.where(known, np.maximum(error, _BEST_KNOWN_PX), np.inf)
     p, q, k = np.nonzero(known & _local_minima(error))
     if error.shape[-1] == 1:
@@ -130,13 +128,6 @@ def _seeds(pair: _Pair, every: int) -> list[tuple[int, int, int]]:
         gain = points[p, q, k] * np.log(usual / best[p, q, k])
     order = np.argsort(-gain, kind="stable")
     return [(int(p[i]), int(q[i]), (int(k[i]) - max_lag) * every) for i in order]
-
-
-def _median_of_known(error: Float64Array) -> Float64Array:
-    """Return the median (P, Q) of the finite ones over the last axis, else inf."""
-    ordered = np.sort(error, axis=-1)
-    middle = np.maximum(np.isfinite(error).sum(-1) - 1, 0) // 2
-    return np.asarray(np.take_along_axis(ordered, middle[..., None], -1)[..., 0])
 
 
 def _scan(
@@ -197,7 +188,7 @@ class _Pair:
         usable = c[:, ONE, ONE] >= self.min_points
         if not usable.any():
             return near
-        squares = np.where(usable, np.inf, np.inf)
+        squares = np.full(len(c), np.inf)
         squares[usable] = best_essential(*pencil(c[usable]))[0][:, 0]
         return lags[int(squares.argmin())]
 
@@ -219,7 +210,7 @@ class _Pair:
             c = c + their_c[k]
             squares, E = best_essential(*pencil(c))
             free = free[~self._excluded(others[free], matches[-1])]
-        return self._agreement(float(lag), matches, c)
+        return self._agreement(float(lag), matches, c, squares, E)
 
     def _nearest(
         self,
@@ -252,21 +243,24 @@ class _Pair:
         c = np.stack([self.sums(found.matches, lag + d) for d in (-1, 0, 1)])
         if (c[:, ONE, ONE] < self.min_points).any():
             return found
-        before, here, after = best_essential(*pencil(c))[0][:, 0]
+        squares, E = best_essential(*pencil(c))
+        before, here, after = squares[:, 0]
         curvature = before - 2.0 * here + after
         if not curvature > 0.0:
             return found
         shift = np.clip(0.5 * (before - after) / curvature, -_LARGEST_SHIFT, _LARGEST_SHIFT)
-        return self._agreement(lag + float(shift), found.matches, c[1])
+        return self._agreement(lag + float(shift), found.matches, c[1], squares[1], E[1])
 
     def _agreement(
-        self, lag: float, matches: Sequence[tuple[int, int]], c: Float64Array
+        self,
+        lag: float,
+        matches: Sequence[tuple[int, int]],
+        c: Float64Array,
+        squares: Float64Array,
+        E: Float64Array,
     ) -> Agreement:
-        squares, E = best_essential(*pencil(c))
-        error, next_error = np.sqrt(squares) * self.focal_px
-        return Agreement(
-            lag, tuple(matches), E, float(c[ONE, ONE]), float(error), float(next_error)
-        )
+        error_px = float(np.sqrt(squares[0])) * self.focal_px
+        return Agreement(lag, tuple(matches), E, float(c[ONE, ONE]), error_px)
 
     def _candidates(self, lag: int, seed: tuple[int, int]) -> tuple[IntArray, Float64Array]:
         """Pairs of tracks (K, 2) that have enough points in common at a lag, and their sums."""

@@ -92,11 +92,3 @@ def height_px(track: LiftedTrack) -> float:
     if not seen.any():
         return 0.0
     return float(np.median(np.nanmax(y[seen], 1) - np.nanmin(y[seen], 1)))
-
-
-def row_median(values: Float64Array) -> Float64Array:
-    """Return the median of the finite values of every row, zero where there are none."""
-    ordered = np.sort(values, axis=-1)
-    count = np.isfinite(ordered).sum(-1)
-    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[:, None] // 2, -1)[:, 0]
-    return np.where(count > 0, middle, 0.0)

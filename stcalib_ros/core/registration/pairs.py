@@ -117,12 +117,6 @@ def _refined(
     )
 
 
-def propose(task: PairTask) -> tuple[RelativePose, ...]:
-    """Return the hypotheses on a pair of cameras that `register` refines."""
-    cameras = tuple(pieces.camera for pieces in task.pieces)
-    return tuple(_of_tracks(h, task) for h in _starts(task, cameras))
-
-
 def _starts(task: PairTask, cameras: tuple[LiftedCamera, ...]) -> Iterator[RelativePose]:
     """Yield the relative poses of what agrees on an essential matrix."""
     found = search(*task.moments, max_lag=task.max_lag, step_s=task.step_s, options=task.options)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stcalib_ros.core.geometry.interpolation import LONGEST_BRIDGE_S, bridged
+from stcalib_ros.core.geometry.robust import median_of_known
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
@@ -30,7 +31,7 @@ from stcalib_ros.core.registration.limits import (
     MIN_PIECE_FRAMES,
     MIRRORED_FRACTION,
 )
-from stcalib_ros.core.registration.linking import chains, height_px, row_median
+from stcalib_ros.core.registration.linking import chains, height_px
 
 _NEIGHBOURS = 3
 """Frames to each side by which the usual motion at a frame is known. Numerical: a tenth of a second
@@ -133,7 +134,7 @@ def _between_jumps(track: LiftedTrack, times: Float64Array) -> Iterator[LiftedTr
     if len(times) < MIN_LINK_FRAMES:
         return
     pixels = track.x * track.focal[..., None]
-    moved = row_median(np.linalg.norm(np.diff(pixels, axis=0), axis=-1))
+    moved = median_of_known(np.linalg.norm(np.diff(pixels, axis=0), axis=-1), otherwise=0.0)
     limit = JUMP_FACTOR * _usual_nearby(moved) + JUMP_FRACTION * height_px(track)
     jumps = (moved > limit) | (np.diff(times) > MAX_GAP_S)
     edges = [0, *(np.flatnonzero(jumps) + 1).tolist(), len(times)]

@@ -171,12 +171,11 @@ def test_windows_outside_of_the_recording_are_refused(noise_free, starts):
         registered(noise_free, 0, 1, starts, options())
 
 
-@pytest.mark.parametrize("refine", [False, True])
-def test_the_default_uses_nothing_outside_of_the_windows(noise_free, refine):
+def test_the_default_uses_nothing_outside_of_the_windows(noise_free):
     o = options("correlation", window=10)
     views = lift_views(noise_free.recording, o)
     rng = np.random.default_rng(0)
-    whole = register_on_windows(views, 0, 1, [5, 30], o, max_lag=6, rng=rng, refine=refine)
+    whole = register_on_windows(views, 0, 1, [5, 30], o, max_lag=6, rng=rng)
 
     def spoilt(track):
         rows = np.isin(track.frames, [*range(5, 15), *range(30, 40)])
@@ -186,7 +185,7 @@ def test_the_default_uses_nothing_outside_of_the_windows(noise_free, refine):
 
     target = replace(views.lifted[0], tracks=tuple(spoilt(t) for t in views.lifted[0].tracks))
     views = replace(views, lifted=(target, *views.lifted[1:]))
-    again = register_on_windows(views, 0, 1, [5, 30], o, max_lag=6, rng=rng, refine=refine)
+    again = register_on_windows(views, 0, 1, [5, 30], o, max_lag=6, rng=rng)
     assert np.array_equal(whole.hypothesis.R_a_b, again.hypothesis.R_a_b)
     assert np.array_equal(whole.hypothesis.t_a_b, again.hypothesis.t_a_b)
     assert whole.hypothesis.lag_s == pytest.approx(relative(noise_free, 0, 1)[2], abs=0.02)
