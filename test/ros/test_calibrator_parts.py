@@ -1,15 +1,13 @@
-"""Buffers, readiness, parameters and the worker of the live node; without ROS."""
+"""Buffers, readiness and the worker of the live node; without ROS."""
 
 from __future__ import annotations
 
-import re
 import threading
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from plain import CAMERA, Ear, fill, info, poses
 
 from stcalib_ros.core.errors import Cancelled, InputError
@@ -20,7 +18,6 @@ from stcalib_ros.io.assemble import assemble_recording
 from stcalib_ros.io.stamps import ClockCorrection
 from stcalib_ros.ros import worker as worker_module
 from stcalib_ros.ros.buffers import Buffers
-from stcalib_ros.ros.parameters import CAMERAS, all_specs, settings_from
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
 from stcalib_ros.ros.streams import Limits
 from stcalib_ros.ros.worker import Job, Worker, failure
@@ -257,68 +254,6 @@ def test_the_trigger_waits_for_something_new():
     assert trigger.due(few, 160.0, period_s=60.0, window_s=30.0)
     assert not trigger.due(few, 50.0, period_s=60.0, window_s=30.0)
     assert trigger.due(few, 111.0, period_s=60.0, window_s=30.0), "from where time jumped back to"
-
-
-def defaults(cameras: tuple[str, ...] = ("cam0", "cam1")) -> dict[str, object]:
-    return {CAMERAS.name: list(cameras)} | {s.name: s.default for s in all_specs(cameras)}
-
-
-def test_the_parameter_file_has_every_parameter_with_its_default():
-    content = yaml.safe_load((ROOT / "config" / "calibrator.yaml").read_text())
-    found: dict[str, object] = {}
-
-    def flatten(values: dict, path: str) -> None:
-        for key, value in values.items():
-            if isinstance(value, dict):
-                flatten(value, f"{path}{key}.")
-            else:
-                found[f"{path}{key}"] = value
-
-    flatten(content["/**"]["ros__parameters"], "")
-    assert found == defaults()
-    assert {k: type(v) for k, v in found.items()} == {k: type(v) for k, v in defaults().items()}
-
-
-def test_fixed_parameters_are_said_to_be():
-    text = (ROOT / "config" / "calibrator.yaml").read_text()
-    fixed = set(re.findall(r"^    (\w+):.*\(fixed\)", text, re.MULTILINE))
-    assert fixed == {spec.name for spec in (CAMERAS, *all_specs(())) if spec.fixed}
-
-
-def test_defaults_calibrate_as_the_command_line_does(monkeypatch):
-    monkeypatch.setenv("ROS_HOME", "/ros_home")
-    settings = settings_from(defaults(), node_name="/site/calibrator")
-    assert settings.options == Options()
-    assert settings.limits == Limits()
-    assert settings.cameras[0] == CAMERA
-    assert settings.results_folder == Path("/ros_home/stcalib_ros/site.calibrator")
-
-
-def test_every_option_has_a_parameter():
-    def leaves(options: object, path: str = "") -> set[str]:
-        out: set[str] = set()
-        for name in options.__dataclass_fields__:  # type: ignore[attr-defined]
-            value = getattr(options, name)
-            nested = hasattr(value, "__dataclass_fields__")
-            out |= leaves(value, f"{path}{name}.") if nested else {path + name}
-        return out
-
-    assert leaves(Options()) <= set(defaults())
-
-
-@pytest.mark.parametrize(
-    ("changes", "why"),
-    [
-        ({"cameras": ["cam0"]}, "1 given"),
-        ({"cameras": ["cam0", "cam0"]}, "twice"),
-        ({"cameras": ["cam0", "a b"]}, "'a b' is not a name"),
-        ({"cameras": [f"c{i}" for i in range(65)]}, "65 given"),
-        ({"reference": "cam7"}, "'cam7' is none of the cameras"),
-    ],
-)
-def test_unusable_parameters_say_why(changes, why):
-    with pytest.raises(InputError, match=why):
-        settings_from(defaults() | changes, node_name="/calibrator")
 
 
 class Solver:

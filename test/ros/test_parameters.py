@@ -1,0 +1,79 @@
+"""Parameters of the live node; without ROS."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from plain import CAMERA
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.options import Options
+from stcalib_ros.ros.parameters import CAMERAS, all_specs, settings_from
+from stcalib_ros.ros.streams import Limits
+
+ROOT = Path(__file__).parents[2]
+
+
+def defaults(cameras: tuple[str, ...] = ("cam0", "cam1")) -> dict[str, object]:
+    return {CAMERAS.name: list(cameras)} | {s.name: s.default for s in all_specs(cameras)}
+
+
+def test_the_parameter_file_has_every_parameter_with_its_default():
+    content = yaml.safe_load((ROOT / "config" / "calibrator.yaml").read_text())
+    found: dict[str, object] = {}
+
+    def flatten(values: dict, path: str) -> None:
+        for key, value in values.items():
+            if isinstance(value, dict):
+                flatten(value, f"{path}{key}.")
+            else:
+                found[f"{path}{key}"] = value
+
+    flatten(content["/**"]["ros__parameters"], "")
+    assert found == defaults()
+    assert {k: type(v) for k, v in found.items()} == {k: type(v) for k, v in defaults().items()}
+
+
+def test_fixed_parameters_are_said_to_be():
+    text = (ROOT / "config" / "calibrator.yaml").read_text()
+    fixed = set(re.findall(r"^    (\w+):.*\(fixed\)", text, re.MULTILINE))
+    assert fixed == {spec.name for spec in (CAMERAS, *all_specs(())) if spec.fixed}
+
+
+def test_defaults_calibrate_as_the_command_line_does(monkeypatch):
+    monkeypatch.setenv("ROS_HOME", "/ros_home")
+    settings = settings_from(defaults(), node_name="/site/calibrator")
+    assert settings.options == Options()
+    assert settings.limits == Limits()
+    assert settings.cameras[0] == CAMERA
+    assert settings.results_folder == Path("/ros_home/stcalib_ros/site.calibrator")
+
+
+def test_every_option_has_a_parameter():
+    def leaves(options: object, path: str = "") -> set[str]:
+        out: set[str] = set()
+        for name in options.__dataclass_fields__:  # type: ignore[attr-defined]
+            value = getattr(options, name)
+            nested = hasattr(value, "__dataclass_fields__")
+            out |= leaves(value, f"{path}{name}.") if nested else {path + name}
+        return out
+
+    assert leaves(Options()) <= set(defaults())
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"cameras": ["cam0"]}, "1 given"),
+        ({"cameras": ["cam0", "cam0"]}, "twice"),
+        ({"cameras": ["cam0", "a b"]}, "'a b' is not a name"),
+        ({"cameras": [f"c{i}" for i in range(65)]}, "65 given"),
+        ({"reference": "cam7"}, "'cam7' is none of the cameras"),
+    ],
+)
+def test_unusable_parameters_say_why(changes, why):
+    with pytest.raises(InputError, match=why):
+        settings_from(defaults() | changes, node_name="/calibrator")
