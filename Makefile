@@ -23,7 +23,8 @@ help:
 
 demo:
 	@scripts/setup.sh core
-	@MPLCONFIGDIR=$(CURDIR)/.venv/matplotlib .venv/bin/python -m stcalib_ros.demo $(DEMO_ARGS)
+	@OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} MPLCONFIGDIR=$(CURDIR)/.venv/matplotlib \
+		.venv/bin/python -m stcalib_ros.demo $(DEMO_ARGS)
 
 level:
 	@scripts/setup.sh core

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from stcalib_ros import __version__
 from stcalib_ros.core.errors import StcalibError
+from stcalib_ros.threads import use_one_thread
 
 if TYPE_CHECKING:
     from stcalib_ros.io.bag import Decoder
@@ -55,6 +56,7 @@ def main(argv: Sequence[str] | None = None, *, decoder: Decoder | None = None) -
         Exit status: 0 done, 2 unusable arguments or files, 3 no trustworthy calibration,
         130 interrupted.
     """
+    use_one_thread()
     argv = sys.argv[1:] if argv is None else list(argv)
 
     def command() -> None:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import os
 import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context
 
-# Nothing here may import NumPy: it reads the number of threads when it is first imported.
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+from stcalib_ros.threads import use_one_thread
+
+# Nothing here may import NumPy: workers set the number of its threads before they do.
 
 
 def count(text: str) -> int:
@@ -43,5 +43,4 @@ def processes(n: int) -> Iterator[Executor | None]:
 def _prepare() -> None:
     """One thread; an interrupt is for the process that gave the task."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for name in _THREADS:
-        os.environ.setdefault(name, "1")
+    use_one_thread()

@@ -22,6 +22,7 @@ from stcalib_ros.core.errors import Cancelled, StcalibError
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.options import Options
 from stcalib_ros.io.assemble import CameraImages, assemble_recording
+from stcalib_ros.threads import use_one_thread
 
 _POLL_S = 0.05
 """Seconds. Cancelling takes effect within this."""
@@ -65,6 +66,7 @@ def calibrate_in_subprocess(
     SolverError
         The process was killed, or the calibration raised anything else.
     """
+    use_one_thread()  # the process has the environment of this one
     context = get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(
