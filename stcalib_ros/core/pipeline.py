@@ -13,12 +13,7 @@ from dataclasses import replace
 from stcalib_ros.core.control import Control, Progress
 from stcalib_ros.core.integration.exclusions import Exclusions, largest_group
 from stcalib_ros.core.lifting.input_checks import Selection, require_usable, select_cameras
-from stcalib_ros.core.lifting.keypoint_checks import (
-    keypoint_faults,
-    keypoint_remarks,
-    without_people,
-)
-from stcalib_ros.core.lifting.track_checks import track_faults
+from stcalib_ros.core.lifting.input_screening import ScreenedInput, screen_input
 from stcalib_ros.core.lifting.views import LiftedViews, lift_views
 from stcalib_ros.core.methods import METHODS
 from stcalib_ros.core.model.calibration import Calibration, Insufficient, Status
@@ -117,12 +112,12 @@ def run_stages(
     method = METHODS[options.registration.method]
 
     control.tick("lift", 0.0)
-    faults = track_faults(recording) | keypoint_faults(recording, min_score=options.min_score)
-    views = lift_views(without_people(recording, faults), options)
+    screened = screen_input(recording, options)
+    views = lift_views(screened.recording, options)
     hypotheses: tuple[RelativePose, ...] = ()
     rigs: tuple[Rig, ...] = ()
     try:
-        selection = select_cameras(views.lifted, reference, options, faults)
+        selection = select_cameras(views.lifted, reference, options, screened.faults)
         problem = _problem(views, selection, options, control, executor)
         pairs = method.register(problem)
         hypotheses = pairs.hypotheses
@@ -132,7 +127,7 @@ def run_stages(
     except Insufficient as why:
         failed = failed_calibration(recording, why.status, (why.rejection,), why.uncalibrated)
         return Stages(views.skeleton, views.lifted, hypotheses, rigs, (), failed)
-    calibration, alignment = _judged(recording, problem, solution)
+    calibration, alignment = _judged(screened, problem, solution)
     return Stages(
         views.skeleton,
         views.lifted,
@@ -165,17 +160,16 @@ def _problem(
 
 
 def _judged(
-    recording: Recording, problem: CalibrationProblem, solution: Solution
+    screened: ScreenedInput, problem: CalibrationProblem, solution: Solution
 ) -> tuple[Calibration, WorldAlignment]:
     """Judge a solution, and express it in the unit and frame of the result."""
-    views, options = problem.views, problem.options
+    recording, views, options = screened.recording, problem.views, problem.options
     alignment = place(
         recording, views.lifted, views.skeleton, solution.last, solution.covariance, options
     )
     judgement = judge(views.lifted, views.skeleton, solution, alignment.rejection)
-    left_out = keypoint_remarks(recording, min_score=options.min_score)
     if judgement.status is Status.OK:
-        judgement = replace(judgement, remarks=(*judgement.remarks, *left_out))
+        judgement = replace(judgement, remarks=(*judgement.remarks, *screened.remarks))
     calibration = make_calibration(
         recording,
         views.lifted,

@@ -23,7 +23,7 @@ from stcalib_ros.core.options import Options
 from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, resect
 from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.registration.resampling import Grid
-from stcalib_ros.core.validation.camera_checks import check_cameras, rejection
+from stcalib_ros.core.validation.camera_checks import CameraChecks, check_cameras, rejection
 from stcalib_ros.core.validation.thresholds import DEFAULT
 from stcalib_ros.core.validation.verdict import Solution, rival_solution, unsettled_cameras
 
@@ -190,11 +190,20 @@ def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
         }
         if not failed or len(failed) >= DEFAULT.max_failed_fraction * len(found.checks):
             break
-        worst = min(failed, key=lambda i: found.checks[i].inliers)
+        worst = min(failed, key=lambda i: _reliability(found.checks[i]))
         exclusions = found.exclusions.adding([int(rig.cameras[worst])], failed[worst])
         rest = sub_rig(rig, [i for i in range(len(rig.cameras)) if i != worst])
         found = _solve(problem, _adjust_initially(problem, rest, exclusions))
     return found
+
+
+def _reliability(checks: CameraChecks) -> tuple[float, int]:
+    """Order cameras that fail: first those whose own input is wrong, by how far beyond the limit.
+
+    What is wrong with one camera disturbs all others.
+    """
+    excess = [abs(why.measured / why.limit) for why in checks.inconsistencies]
+    return -max(excess, default=0.0), checks.inliers
 
 
 def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Solution:

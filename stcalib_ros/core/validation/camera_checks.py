@@ -27,6 +27,7 @@ from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.validation.cross_view import bone_rotations, depth_ratios, usual_distances
+from stcalib_ros.core.validation.inconsistencies import inconsistencies
 from stcalib_ros.core.validation.limb_lengths import limb_variations
 from stcalib_ros.core.validation.lookalikes import has_lookalike_alternative
 from stcalib_ros.core.validation.offset_ambiguity import offset_peak_ratios
@@ -79,6 +80,8 @@ class CameraChecks:
         it, over the error at its own; infinite where no motion repeats itself at another place.
     period_s : float
         Distance of that time offset from its own.
+    inconsistencies : tuple of Rejection
+        What its own residuals say against its lens, its clock, or a pose that stays the same.
     """
 
     inliers: int
@@ -97,6 +100,7 @@ class CameraChecks:
     offset_peak_ratio_with_outliers: float = float("inf")
     repetition_ratio: float = float("inf")
     period_s: float = 0.0
+    inconsistencies: tuple[Rejection, ...] = ()
 
 
 def rejection(
@@ -112,10 +116,15 @@ def rejection(
     camera : str
         Name of the camera.
     """
-    for violations in (_unsupported, _mixed_up, _uncertain):
+    for violations in (_inconsistent, _unsupported, _mixed_up, _uncertain):
         for found in violations(checks, thresholds):
             return replace(found, cameras=(camera,) if camera else ())
     return None
+
+
+def _inconsistent(checks: CameraChecks, _: CheckThresholds) -> Iterator[Rejection]:
+    """Yield what is wrong with the input of a camera: it explains all else."""
+    yield from checks.inconsistencies
 
 
 def _unsupported(checks: CameraChecks, limits: CheckThresholds) -> Iterator[Rejection]:
@@ -255,6 +264,7 @@ def check_cameras(
     reach = usual_distances(last)
     bodies = _body_checks(cameras, skeleton, last)
     lookalikes = has_lookalike_alternative(last)
+    against = inconsistencies(cameras, last)
     found = []
     for c in range(len(last.rig.cameras)):
         block = covariance[np.ix_(rows_of(c), rows_of(c))]
@@ -268,6 +278,7 @@ def check_cameras(
                 position_stddev=largest_stddev(block[CENTRE_ROWS, CENTRE_ROWS]) / float(reach[c]),
                 offset_stddev_frames=largest_stddev(block[OFFSET_ROW:, OFFSET_ROW:]) / frame_s,
                 has_lookalikes=bool(lookalikes[c]),
+                inconsistencies=against[c],
                 **{name: float(values[c]) for name, values in (bodies | offsets).items()},
             )
         )

@@ -1,0 +1,52 @@
+"""What is wrong with the input of single cameras: put right where it can be, else named.
+
+Before registration a fault of one camera's input looks like what it is; afterwards it looks like a
+disagreement between cameras.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from stcalib_ros.core.lifting.keypoint_checks import (
+    keypoint_faults,
+    keypoint_remarks,
+    without_people,
+)
+from stcalib_ros.core.lifting.track_checks import track_faults
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Rejection, Remark
+from stcalib_ros.core.options import Options
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScreenedInput:
+    """A recording that can be calibrated.
+
+    Attributes
+    ----------
+    recording : Recording
+        Put right where that is possible; cameras with a fault see nobody.
+    faults : mapping of str to Rejection
+        Why the input of a camera cannot be used, by the camera's name.
+    remarks : tuple of Remark
+        What was put right.
+    """
+
+    recording: Recording
+    faults: Mapping[str, Rejection]
+    remarks: tuple[Remark, ...]
+
+
+def screen_input(recording: Recording, options: Options) -> ScreenedInput:
+    """Find the faults of every camera's input.
+
+    Parameters
+    ----------
+    recording : Recording
+    options : Options
+    """
+    faults = track_faults(recording) | keypoint_faults(recording, min_score=options.min_score)
+    remarks = keypoint_remarks(recording, min_score=options.min_score)
+    return ScreenedInput(without_people(recording, faults), faults, remarks)

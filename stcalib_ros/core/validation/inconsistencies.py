@@ -1,0 +1,39 @@
+"""What the residuals of one camera say against its own input: its lens, its clock, its pose.
+
+A test of a camera asks whether another value of its own explains its residuals far better than the
+one that it was given; each yields a `Rejection` with what that value is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.rejection import Rejection
+
+Test = Callable[[Sequence[LiftedCamera], Iteration], Sequence[Rejection | None]]
+"""Of all cameras and the adjustment: what is wrong with each camera of the rig, or None."""
+
+_TESTS: tuple[Test, ...] = ()
+
+
+def inconsistencies(
+    cameras: Sequence[LiftedCamera], last: Iteration
+) -> tuple[tuple[Rejection, ...], ...]:
+    """Return what is wrong with the input of every camera of a rig, the clearest first.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+        All cameras.
+    last : Iteration
+    """
+    results = [test(cameras, last) for test in _TESTS]
+    found = [
+        [one for result in results if (one := result[c]) is not None]
+        for c in range(len(last.rig.cameras))
+    ]
+    return tuple(
+        tuple(sorted(each, key=lambda why: -abs(why.measured / why.limit))) for each in found
+    )
