@@ -63,6 +63,18 @@ _SENTENCES = {
         "hardly anything that it sees matches what is seen by {others}: check its intrinsics, and "
         "let people stay in view for longer"
     ),
+    _R.CLOCK_NOT_STEADY: (
+        "its clock is not steady: from {begin_s:.1f} to {end_s:.1f} s after its first image, its "
+        "stamps are {measured_ms:.0f} ms off what they are else, {limit_ms:.0f} are the limit"
+        "{or_others}; clocks that are set while they record do that, and images that are lost and "
+        "numbered as if they were not: give the times of acquisition, or use a part of the "
+        "recording"
+    ),
+    _R.POSE_CHANGED: (
+        "it has moved: from {begin_s:.1f} to {end_s:.1f} s after its first image, it is turned by "
+        "{measured_deg:.1f} degrees against what it is else, {limit_deg:.1f} are the limit"
+        "{or_others}; fasten it, or use the part of the recording before or after"
+    ),
     _R.TOO_FEW_INLIERS: (
         "only {measured:.0f} of its keypoints fit, {limit:.0f} are needed: have people walk where "
         "it and the others see them"
@@ -196,6 +208,7 @@ class _Values(dict[str, object]):
 
 def sentence(rejection: Rejection) -> str:
     """Return the sentence of a rejection, without the names of the cameras that it is about."""
+    others = ", ".join(rejection.others)
     return _SENTENCES[rejection.reason].format_map(
         _Values(
             rejection.values,
@@ -203,7 +216,10 @@ def sentence(rejection: Rejection) -> str:
             limit=rejection.limit,
             measured_deg=math.degrees(rejection.measured),
             limit_deg=math.degrees(rejection.limit),
-            others=", ".join(rejection.others),
+            measured_ms=1e3 * rejection.measured,
+            limit_ms=1e3 * rejection.limit,
+            or_others=f" (or it is {others})" if others else "",
+            others=others,
             detail=rejection.detail,
         )
     )

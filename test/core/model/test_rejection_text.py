@@ -60,6 +60,17 @@ REJECTIONS = (
         Rejection(R.ROTATION_UNCERTAIN, (), 0.05, 0.015),
         "by 2.9 degrees, 0.9 are the limit: .*; let",
     ),
+    (
+        Rejection(R.CLOCK_NOT_STEADY, (), 0.1, 0.015, "s", values={"begin_s": 15.0, "end_s": 30.0}),
+        "from 15.0 to 30.0 s after its first .* 100 ms off .* else, 15 are the limit; clocks",
+    ),
+    (
+        Rejection(
+            *(R.POSE_CHANGED, (), 0.0873, 0.0087, "rad", ("b",)),
+            values={"begin_s": 7.0, "end_s": 10.0},
+        ),
+        r"from 7.0 to 10.0 s .* by 5.0 degrees .*, 0.5 are the limit \(or it is b\); fasten it",
+    ),
     (Rejection(R.POSITION_UNCERTAIN, (), 0.2, 0.1), "by 20% of its distance .*, 10% are .*: let"),
     (
         Rejection(R.OFFSET_AMBIGUOUS, (), 1.05, 1.2, values={"alternative_s": 0.4}),
