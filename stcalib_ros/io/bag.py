@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -117,7 +118,8 @@ class _Contents:
                 progress(STAGE, raw.fraction)
             message = self._decoded(raw)
             if raw.topic in self._images:
-                self._images[raw.topic].append(pose_image(message, topic=raw.topic))
+                image = pose_image(message, topic=raw.topic)
+                self._images[raw.topic].append(replace(image, received_ns=raw.log_time))
             else:
                 self._take_info(raw, camera_info_fields(message))
         progress(STAGE, 1.0)
