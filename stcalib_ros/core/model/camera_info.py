@@ -20,6 +20,11 @@ _COEFFICIENTS = {
 _CALIBRATE = "calibrate its lens first (e.g. with camera_calibration)"
 
 
+def coefficient_counts(model: LensModel) -> tuple[int, ...]:
+    """Return how many distortion coefficients a lens model may have; none means no distortion."""
+    return _COEFFICIENTS[model]
+
+
 def intrinsics_from_camera_info(
     *,
     width: int,
@@ -139,7 +144,7 @@ def _lens(name: str, d: Sequence[float] | Float64Array) -> tuple[LensModel, Floa
             f"unknown CameraInfo.distortion_model {name!r}: use one of {known}, "
             "or rectify the images and set rectified"
         ) from None
-    if coefficients.size not in (allowed := _COEFFICIENTS[model]):
+    if coefficients.size not in (allowed := coefficient_counts(model)):
         counts = ", ".join(map(str, allowed))
         raise InputError(
             f"CameraInfo.D has {coefficients.size} coefficients: {name} takes {counts}"
