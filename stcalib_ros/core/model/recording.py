@@ -186,11 +186,12 @@ def keypoints_only(recording: Recording, cameras: Collection[str] | None = None)
     names = {camera.name for camera in recording.cameras} if cameras is None else set(cameras)
     return replace(
         recording,
-        cameras=tuple(_without_3d(c) if c.name in names else c for c in recording.cameras),
+        cameras=tuple(without_3d_poses(c) if c.name in names else c for c in recording.cameras),
     )
 
 
-def _without_3d(camera: CameraRecording) -> CameraRecording:
+def without_3d_poses(camera: CameraRecording) -> CameraRecording:
+    """Return a camera without its monocular 3D poses."""
     tracks = (replace(track, joints=unknown_joints(track.keypoints)) for track in camera.tracks)
     return replace(camera, tracks=tuple(tracks))
 

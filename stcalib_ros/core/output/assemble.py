@@ -19,7 +19,7 @@ from stcalib_ros.core.model.calibration import (
 )
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.core.model.rejection import Rejection
+from stcalib_ros.core.model.rejection import Rejection, Remark
 from stcalib_ros.core.model.rejection_text import labelled, remark_sentence
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.output.world_frame import WorldAlignment
@@ -190,6 +190,7 @@ def failed_calibration(
     status: Status,
     rejections: tuple[Rejection, ...],
     uncalibrated: Sequence[UncalibratedCamera] = (),
+    remarks: tuple[Remark, ...] = (),
 ) -> Calibration:
     """Return a calibration without cameras, with the reasons.
 
@@ -199,14 +200,17 @@ def failed_calibration(
     status : Status
     rejections : tuple of Rejection
     uncalibrated : sequence of UncalibratedCamera
+    remarks : tuple of Remark
+        On the input.
     """
     stamps = [s for c in recording.cameras for s in (c.stamps[:1], c.stamps[-1:]) if len(s)]
     epoch = recording.epoch_ns * 1e-9
     times = np.concatenate(stamps) if stamps else np.zeros(1)
     return Calibration(
         status=status,
-        message=_summary(Judgement(status, rejections), uncalibrated),
+        message=_summary(Judgement(status, rejections, remarks), uncalibrated),
         rejections=rejections,
+        remarks=remarks,
         reference=recording.cameras[0].name if recording.cameras else "",
         metric=False,
         epoch_s=epoch,
@@ -232,9 +236,11 @@ def _summary(
     total = calibrated + len(uncalibrated)
     good = judgement.status is Status.OK
     parts = [f"{calibrated} of {total} cameras calibrated"] if good else []
-    parts += map(remark_sentence, judgement.remarks)
+    remarks = [remark_sentence(remark) for remark in judgement.remarks]
+    parts += remarks if good else []
     rejections = judgement.rejections
     whole = not all(rejection.cameras for rejection in rejections[:1])
     parts += [labelled(one) for one in rejections if not (whole and one.cameras)]
     parts += [f"{camera.name}: {camera.reason}" for camera in uncalibrated]
+    parts += [] if good else remarks
     return "; ".join(parts)
