@@ -32,6 +32,7 @@ class RejectionReason(str, Enum):
     # Faults of one camera that its residuals show
     CLOCK_NOT_STEADY = "CLOCK_NOT_STEADY"
     POSE_CHANGED = "POSE_CHANGED"
+    PART_DISAGREES = "PART_DISAGREES"
     # Checks of a camera
     TOO_FEW_INLIERS = "TOO_FEW_INLIERS"
     TOO_MANY_OUTLIERS = "TOO_MANY_OUTLIERS"
@@ -49,6 +50,7 @@ class RejectionReason(str, Enum):
     OFFSET_UNCERTAIN = "OFFSET_UNCERTAIN"
     # The solution as a whole
     RIVAL_SOLUTION = "RIVAL_SOLUTION"
+    LARGE_RESIDUALS = "LARGE_RESIDUALS"
     NOT_CONVERGED = "NOT_CONVERGED"
     INCONSISTENT_SCALE = "INCONSISTENT_SCALE"
     NO_VERTICAL = "NO_VERTICAL"

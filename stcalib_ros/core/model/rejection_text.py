@@ -75,6 +75,12 @@ _SENTENCES = {
         "{measured_deg:.1f} degrees against what it is else, {limit_deg:.1f} are the limit"
         "{or_others}; fasten it, or use the part of the recording before or after"
     ),
+    _R.PART_DISAGREES: (
+        "from {begin_s:.1f} to {end_s:.1f} s after its first image, what it sees is {measured:.0f} "
+        "px off from what the others see of the same people, {limit:.0f} are the limit, though it "
+        "fits else{or_others}: it was moved, or its clock was set by more than can be followed; "
+        "use the part of the recording before or after"
+    ),
     _R.TOO_FEW_INLIERS: (
         "only {measured:.0f} of its keypoints fit, {limit:.0f} are needed: have people walk where "
         "it and the others see them"
@@ -143,6 +149,11 @@ _SENTENCES = {
         "to {frames:.1f} frames ({measured:.2f} s): motion is periodic, people move "
         "identically, or the true offset is outside of offset_range_s (+-{offset_range_s:g} s); "
         "set that to what is possible, or record more varied motion"
+    ),
+    _R.LARGE_RESIDUALS: (
+        "reprojection errors are {measured:.1f} px (root mean square), {limit:.1f} are the limit "
+        "where half of them are below {median_px:.1f} px: in a part of the recording something "
+        "does not fit; check for clocks that are set and cameras that move while they record"
     ),
     _R.NOT_CONVERGED: (
         "the adjustment has not converged, {measured:.0f} cameras still moved in the last "

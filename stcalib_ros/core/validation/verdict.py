@@ -20,6 +20,7 @@ from stcalib_ros.core.validation.recommendations import (
     unobservable_clock_skews,
     without_poses,
 )
+from stcalib_ros.core.validation.thresholds import MAX_RMS_PX, MAX_RMS_RATIO
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +104,8 @@ def judge(
     failed = [
         rejection(checks, camera=name) for name, checks in zip(names, solution.checks, strict=True)
     ]
-    against = [found for found in (solution.rival, *failed, misaligned) if found is not None]
+    whole = (_large_residuals(last), solution.rival)
+    against = [found for found in (*whole, *failed, misaligned) if found is not None]
     if against:
         explained = find_ambiguity(cameras, skeleton, last).rejections()
         return Judgement(Status.DEGENERATE, (*against, *explained))
@@ -124,6 +126,15 @@ def judge(
     if rivals and explained:  # what is ambiguous about the others may be so about these as well
         return Judgement(Status.DEGENERATE, (rivals[0], *explained))
     return Judgement(Status.OK, explained, remarks)
+
+
+def _large_residuals(last: Iteration) -> Rejection | None:
+    """Return that the residuals of what counts as fitting are far above the usual one."""
+    rms_px, limit = last.rms_px(), max(MAX_RMS_RATIO * last.median_px, MAX_RMS_PX)
+    if not rms_px > limit:
+        return None
+    values = {"median_px": last.median_px}
+    return Rejection(RejectionReason.LARGE_RESIDUALS, (), rms_px, limit, "px", values=values)
 
 
 def unsettled_cameras(iterations: Sequence[Iteration]) -> int:

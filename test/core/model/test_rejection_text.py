@@ -71,6 +71,10 @@ REJECTIONS = (
         ),
         r"from 7.0 to 10.0 s .* by 5.0 degrees .*, 0.5 are the limit \(or it is b\); fasten it",
     ),
+    (
+        Rejection(R.PART_DISAGREES, (), 60.0, 12.0, "px", values={"begin_s": 7.0, "end_s": 10.0}),
+        "from 7.0 to 10.0 s .* is 60 px off .*, 12 are the limit, .* fits else: it was moved",
+    ),
     (Rejection(R.POSITION_UNCERTAIN, (), 0.2, 0.1), "by 20% of its distance .*, 10% are .*: let"),
     (
         Rejection(R.OFFSET_AMBIGUOUS, (), 1.05, 1.2, values={"alternative_s": 0.4}),
@@ -86,6 +90,10 @@ REJECTIONS = (
     (
         Rejection(R.RIVAL_SOLUTION, (), 0.5, values={"frames": 15.0, "offset_range_s": 2.0}),
         r"up to 15.0 frames \(0.50 s\): .* outside of offset_range_s \(\+-2 s\); set that to",
+    ),
+    (
+        Rejection(R.LARGE_RESIDUALS, (), 84.0, 8.0, "px", values={"median_px": 1.9}),
+        r"are 84.0 px \(.*\), 8.0 are the limit .* below 1.9 px: .*; check for clocks",
     ),
     (Rejection(R.NOT_CONVERGED, (), 2.0, 0.0), "2 cameras still moved .*: raise bundle.rounds"),
     (Rejection(R.INCONSISTENT_SCALE, detail="a and b"), "scale is inconsistent: a and b"),
