@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core.model.keypoint_layouts import Layout
-from stcalib_ros.io.messages import NS, PoseImage, format_stamp
+from stcalib_ros.io.messages import NS, Float32Array, PoseImage, format_stamp
 from stcalib_ros.ros.limits import (
     CONFIRMING_IMAGES,
     MAX_ASIDE_STEP_S,

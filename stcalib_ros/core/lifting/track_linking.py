@@ -105,9 +105,9 @@ def _chains(poses: _Poses, longest_s: float) -> list[list[int]]:
             if cost[a, b] < _FORBIDDEN:
                 chains[followed[a]].append(int(rows[b]))
                 begun.discard(int(b))
-        for b in sorted(begun):
+        for new in sorted(begun):
             followed.append(len(chains))
-            chains.append([int(rows[b])])
+            chains.append([int(rows[new])])
     return chains
 
 

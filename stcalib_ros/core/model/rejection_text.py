@@ -26,9 +26,9 @@ _SENTENCES = {
         "estimator's output"
     ),
     _R.IDS_ARE_NO_TRACKS: (
-        "its track ids are no tracks, and its poses cannot be linked by their places: {measured:.0%} "
-        "of them go on from the image before, {limit:.0%} are needed; switch tracking on in its pose "
-        "estimator, or record more images a second"
+        "its track ids are no tracks, and its poses cannot be linked by their places: "
+        "{measured:.0%} of them go on from the image before, {limit:.0%} are needed; switch "
+        "tracking on in its pose estimator, or record more images a second"
     ),
     _R.CLOCK_EPOCH_DIFFERS: (
         "its clock does not overlap with the others: {begin_s:.1f}..{end_s:.1f} s against "
