@@ -81,6 +81,15 @@ LONGEST_BREAK_FRAMES = 3.0
 """Frame periods. See `LONGEST_BREAK_S`: cameras of two images a second have tracks as well.
 Chosen."""
 
+MAX_ASTRAY = 0.2
+"""Ratio to the size of a person in the image. Where poses are linked to tracks, one that is further
+from where the track would have gone, and than `STRAY_SPEED` allows, begins another. Chosen: of
+eight people who cover each other a third as many are exchanged as with `TRACK_JUMP` alone."""
+
+STRAY_SPEED = 2.0
+"""Sizes of a person per second. See `MAX_ASTRAY`. Derived: people who turn round within a
+second."""
+
 MIN_TRACKED_POSES = 60
 """Poses of a camera, count. With fewer nothing is said about its ids. Chosen: two seconds of one
 person at 30 Hz."""

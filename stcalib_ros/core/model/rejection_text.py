@@ -26,8 +26,9 @@ _SENTENCES = {
         "estimator's output"
     ),
     _R.IDS_ARE_NO_TRACKS: (
-        "its track ids are no tracks: {measured:.0%} of its poses go on from the image before "
-        "under the same id, {limit:.0%} are needed; switch tracking on in its pose estimator"
+        "its track ids are no tracks, and its poses cannot be linked by their places: "
+        "{measured:.0%} of them go on from the image before, {limit:.0%} are needed; switch "
+        "tracking on in its pose estimator, or record more images a second"
     ),
     _R.CLOCK_EPOCH_DIFFERS: (
         "its clock does not overlap with the others: {begin_s:.1f}..{end_s:.1f} s against "
@@ -182,6 +183,11 @@ _REMARKS = {
     RemarkCode.POSES_LEFT_OUT: (
         "{camera}: {n_left_out:.0f} of {n_poses:.0f} poses are left out, since all of their "
         "keypoints are at one place: check the pose estimator's output"
+    ),
+    RemarkCode.IDS_LINKED: (
+        "{camera}: its track ids are no tracks ({continued:.0%} of its poses go on from the image "
+        "before under the same id, {limit:.0%} are needed): people were linked from image to image "
+        "by their keypoints, to {n_tracks:.0f} tracks; a tracker in its pose estimator does better"
     ),
     RemarkCode.POSES_RESCALED: (
         "{camera}: people would be {height_m:.0f} m tall by its 3D poses, which are taken as "

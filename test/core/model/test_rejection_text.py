@@ -28,7 +28,7 @@ REJECTIONS = (
         ),
         "normalised: they lie between 0.02 and 1, .* 1280 x 720 .*; multiply those of 0..1 by",
     ),
-    (Rejection(R.IDS_ARE_NO_TRACKS, (), 0.33, 0.7), "33% of its poses .*, 70% .* tracking on"),
+    (Rejection(R.IDS_ARE_NO_TRACKS, (), 0.33, 0.7), "33% of them go on .*, 70% .* tracking on"),
     (Rejection(R.KEYPOINTS_COINCIDE, (), 0.5, 1.0, "px"), "at one place, within 0.5 px: check"),
     (
         Rejection(R.CLOCK_EPOCH_DIFFERS, (), 3598.0, 1.0, "s", (), SPANS),
@@ -132,6 +132,10 @@ REMARKS = (
     ),
     (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), {"length_s": 3.0}), "not observable in 3 s$"),
     (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), SKEWS), "in 3 s: .* to 80 ppm, 10 are .* about 12 s$"),
+    (
+        Remark(C.IDS_LINKED, ("a",), {"continued": 0.4, "limit": 0.7, "n_tracks": 5}),
+        r"^a: .* no tracks \(40% .*, 70% are needed\): .* to 5 tracks; a tracker",
+    ),
     (
         Remark(C.POSES_RESCALED, ("a",), {"height_m": 1720.0}, "millimetres"),
         "^a: people would be 1720 m tall .* taken as millimetres: convert",
