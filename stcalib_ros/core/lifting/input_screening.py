@@ -14,6 +14,7 @@ from stcalib_ros.core.lifting.keypoint_checks import (
     keypoint_remarks,
     without_people,
 )
+from stcalib_ros.core.lifting.time_base import mended_time_base
 from stcalib_ros.core.lifting.track_checks import track_faults
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.model.rejection import Rejection, Remark
@@ -47,6 +48,9 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     recording : Recording
     options : Options
     """
+    timed = mended_time_base(recording, options)
+    recording = timed.recording
     faults = track_faults(recording) | keypoint_faults(recording, min_score=options.min_score)
-    remarks = keypoint_remarks(recording, min_score=options.min_score)
+    faults |= timed.faults
+    remarks = keypoint_remarks(recording, min_score=options.min_score) + timed.remarks
     return ScreenedInput(without_people(recording, faults), faults, remarks)
