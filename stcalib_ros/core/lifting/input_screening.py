@@ -16,6 +16,7 @@ from stcalib_ros.core.lifting.keypoint_checks import (
 )
 from stcalib_ros.core.lifting.pose_axes import with_projecting_poses
 from stcalib_ros.core.lifting.pose_units import in_metres
+from stcalib_ros.core.lifting.time_base import mended_time_base
 from stcalib_ros.core.lifting.track_checks import with_tracks
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rejection import Rejection, Remark
@@ -49,11 +50,13 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     recording : Recording
     options : Options
     """
-    tracked = [with_tracks(camera) for camera in recording.cameras]
-    given = replace(recording, cameras=tuple(one.camera for one in tracked))
+    timed = mended_time_base(recording, options)
+    tracked = [with_tracks(camera) for camera in timed.recording.cameras]
+    given = replace(timed.recording, cameras=tuple(one.camera for one in tracked))
     faults = {one.camera.name: one.fault for one in tracked if one.fault is not None}
     faults |= keypoint_faults(given, min_score=options.min_score)
-    remarks = tuple(one.remark for one in tracked if one.remark is not None)
+    faults |= timed.faults
+    remarks = timed.remarks + tuple(one.remark for one in tracked if one.remark is not None)
     remarks += keypoint_remarks(given, min_score=options.min_score)
     usable = without_people(given, faults)
     # The paper's method cannot do without 3D poses.
