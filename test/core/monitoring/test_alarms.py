@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from stcalib_ros.core.model.calibration import PairResidual
 from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
 from stcalib_ros.core.monitoring.change_detection import ChangeFit, Finding
 from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
-from stcalib_ros.core.monitoring.spans import Span, expected_residual_px
+from stcalib_ros.core.monitoring.spans import Span
 
 NAMES = ("cam0", "cam1", "cam2")
 INFORMATION = np.diag([1e5, 1e5, 1e5, 1e4, 1e4, 1e4, 1e4])
@@ -30,7 +29,8 @@ def finding(
 ):
     change = np.array([0.0, math.radians(turn_deg), 0.0, shift_m, 0.0, 0.0, clock_s])
     before_px = after_px + 10.0 * (gain > 0.5)
-    fit = ChangeFit(change, INFORMATION, before_px, after_px, gain, n_points)
+    left_px = np.full(len(NAMES), after_px)
+    fit = ChangeFit(change, INFORMATION, before_px, after_px, gain, n_points, left_px)
     return Finding(fit, 6.0, 4.0, K, K - missed, matched, missed, tuple(rivals))
 
 
@@ -182,13 +182,3 @@ def test_stamps_far_from_the_others():
     found = verdicts_on(GOOD, None, None, lead=[0.0, 12.0, 12.0])
     assert [v.state for v in found] == [State.OK, State.OK, State.STAMPS_OFF]
     assert "the stamps of cam1 are 12.0 s ahead of those of the others" in found[-1].sentence()
-
-
-def test_the_expected_residuals_are_those_of_the_calibration(small_stages):
-    calibration = small_stages.calibration
-    names = [c.name for c in calibration.cameras]
-    found = expected_residual_px(calibration, names)
-    pair: PairResidual = calibration.pairs[0]
-    a, b = names.index(pair.camera_a), names.index(pair.camera_b)
-    assert found[a, b] == found[b, a] == pair.epipolar_rms_px
-    assert found[0, 0] == calibration.reprojection_rms_px
