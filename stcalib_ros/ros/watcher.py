@@ -12,6 +12,7 @@ import numpy as np
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.drift import ClockHistory
 from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
 from stcalib_ros.core.monitoring.noise import Noise
 from stcalib_ros.core.monitoring.spans import Span, check_span
@@ -75,7 +76,8 @@ class Watcher:
         self._clocks = {} if calibration is None else corrections_of(calibration)
         self._calibration, self._pending, self._spans = calibration, None, []
         cameras = () if calibration is None else calibration.cameras
-        self._verdicts = {camera.name: Verdict(camera.name) for camera in cameras}
+        known = ClockHistory() if calibration is None else ClockHistory(calibration.window_s[1])
+        self._verdicts = {camera.name: Verdict(camera.name, clock=known) for camera in cameras}
 
     def look(
         self,

@@ -162,3 +162,15 @@ MAX_NOISE_PX = 16.0
 that a camera which nothing explains does not come to be usual. Noise is 2.5 to 12 px in the
 simulated scenes of benchmarks.live.watch and 1 to 17 px in the real recordings of
 benchmarks.accuracy.real; a camera that was replaced has 16 to 74 px (test_changed_scenes)."""
+
+DRIFT_WEIGHT = 0.1
+"""Weight of one more span in the mean advance of a clock: the mean follows a drift of 1000 ppm at a
+distance of 20 ms, and holds a third of a jump after four spans."""
+
+MIN_DRIFT_FRACTION = 0.5
+"""Fraction of a clock's advance that had come about before its alarm, from which on it has drifted.
+Of jumps it is up to .35 (four spans without an alarm), of drifts .6 (1000 ppm) and more."""
+
+DRIFT_MEMORY_S = 600.0
+"""Seconds without anybody after which a clock's advance may be a drift or a jump: usual clocks (20
+ppm and less) drift by 12 ms meanwhile, a quarter of the threshold of an alarm."""

@@ -161,6 +161,39 @@ def test_a_camera_without_detections_for_very_long_raises_an_alarm():
     assert states(TURNED, TURNED, *[NO_DETECTIONS] * 9)[-1] is State.MOVED, "what is known stays so"
 
 
+@pytest.mark.parametrize("ppm", [20.0, 1000.0, -1000.0])
+def test_a_clock_that_runs_at_another_rate_has_drifted(ppm):
+    until_s = 1.3 * 0.05 / abs(1e-6 * ppm)
+    advances = 1e-6 * ppm * np.arange(0.0, until_s, max(SPAN_S, until_s / 100))
+    drifting = [finding(clock_s=-a, gain=4.0 * (abs(a) > 0.02)) for a in advances]
+    found = verdicts_on(*drifting)
+    first = next(v for v in found if v.state.alarm)
+    assert first.state is found[-1].state is State.DRIFTED
+    assert abs(first.clock_jump_s) == pytest.approx(0.05, rel=0.15)
+    assert "the clock of cam1 has drifted by" in first.sentence()
+    assert first.state.changed
+
+
+def test_a_jump_after_a_drift_is_a_jump():
+    drifting = [finding(clock_s=-a, gain=4.0 * (a > 0.02)) for a in np.linspace(0.0, 0.07, 40)]
+    jumped = finding(clock_s=-0.4, gain=9.0)
+    found = states(*drifting, jumped, jumped)
+    assert State.DRIFTED in found
+    assert State.CLOCK not in found[: len(drifting)]
+    assert found[-1] is State.CLOCK
+
+
+def test_after_a_night_without_people_it_may_be_either():
+    verdicts, spans = {name: Verdict(name) for name in NAMES}, []
+    for start_s, own in ((0.0, GOOD), (2.0, GOOD), (36e3, JUMPED), (36e3 + 2.0, JUMPED)):
+        found = dict.fromkeys(NAMES, GOOD) | {"cam1": own}
+        spans = [*spans, Span(start_s, start_s + SPAN_S, found)][-KEPT_SPANS:]
+        verdicts = judge(spans, verdicts, Thresholds())
+    assert verdicts["cam1"].state is State.CLOCK
+    assert "has jumped or drifted by +100 ms within 600 minutes" in verdicts["cam1"].sentence()
+    assert "minutes" not in verdicts_on(GOOD, JUMPED, JUMPED)[-1].sentence()
+
+
 def test_two_cameras_name_each_other():
     one, other = finding(2.0, gain=4.0, rivals=["cam0"]), finding(2.0, gain=4.0, rivals=["cam1"])
     spans = [
