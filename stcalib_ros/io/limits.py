@@ -85,3 +85,43 @@ MIN_COMMON_JOINTS = 4
 MIN_BOX_OVERLAP = 0.3
 """Intersection over union. A detection is of the true person whose box overlaps best, from this on.
 Chosen: boxes around keypoints are tighter than labelled ones; not measured."""
+
+MAX_CHUNK_BYTES = 256 << 20
+"""Bytes. Larger chunks of an MCAP file are not unpacked. rosbag2 writes chunks of .8 MB, the mcap
+command 4 MB; one that holds a single uncompressed image of 100 megapixels has 300 MB. Chosen."""
+
+MAX_MESSAGE_BYTES = 16 << 20
+"""Bytes. A packed message that becomes longer is not unpacked: 1,000 people of 133 keypoints with
+3D poses have 3.3 MB. Chosen."""
+
+FREE_CHUNK_BYTES = 1 << 30
+"""Bytes. The chunks of a file may unpack to so many, whatever its size, and to `MAX_EXPANSION` of
+its size more. Chosen: a second of work."""
+
+MAX_EXPANSION = 1000
+"""Ratio of all that a file unpacks to and its size. Bags of poses have 1.2 to 3, of poses and raw
+images 1 to 4; a bomb of zeros has 30,000. Chosen."""
+
+FREE_POSE_BYTES = 32 << 20
+"""Bytes. The messages that are kept may have so many, whatever the size of the file, and
+`MAX_POSE_EXPANSION` of its size more. Chosen: 350,000 images without a person."""
+
+MAX_POSE_EXPANSION = 100
+"""Ratio of the messages that are kept and the size of the file. Bags of poses have 1.2 to 3, and of
+images without a person 10; a bomb of equal messages has more than 1,000. Chosen."""
+
+FREE_FILE_BYTES = 64 << 20
+"""Bytes. A file that is packed as a whole may unpack to so many, whatever its size, and to
+`MAX_FILE_EXPANSION` of its size more. Chosen."""
+
+MAX_FILE_EXPANSION = 100
+"""Ratio of the unpacked size of a file that is packed as a whole and its size: bags of poses have
+1.2 to 3, and unpacking writes to the disk of temporary files. Chosen."""
+
+MAX_UNSTAMPED = 0.5
+"""Fraction of a camera's images. Where more have a stamp of zero, the publisher does not stamp, and
+the recording is refused; fewer are those before the first /clock. Chosen."""
+
+MAX_PADDING_BYTES = 7
+"""Bytes. So many may follow the last field of a message: CDR pads to 4, some writers to 8. By
+definition of the encodings."""

@@ -94,7 +94,7 @@ class Rejection:
 
 
 class RemarkCode(str, Enum):
-    """Code of a remark on a calibration that can be used."""
+    """Code of a remark on a calibration that can be used, or on its input."""
 
     LEAST_CONSTRAINED_CAMERA = "LEAST_CONSTRAINED_CAMERA"
     SHARE_MORE_VIEW = "SHARE_MORE_VIEW"
@@ -104,6 +104,12 @@ class RemarkCode(str, Enum):
     CLOCK_SKEW_NOT_OBSERVABLE = "CLOCK_SKEW_NOT_OBSERVABLE"
     VERIFIED_BY_LIMBS_ALONE = "VERIFIED_BY_LIMBS_ALONE"
     POSES_LEFT_OUT = "POSES_LEFT_OUT"
+    POSES_RESCALED = "POSES_RESCALED"
+    POSES_NOT_METRIC = "POSES_NOT_METRIC"
+    POSES_IN_OTHER_AXES = "POSES_IN_OTHER_AXES"
+    POSES_IN_OTHER_ORDER = "POSES_IN_OTHER_ORDER"
+    POSES_WITH_SIDES_EXCHANGED = "POSES_WITH_SIDES_EXCHANGED"
+    POSES_DO_NOT_PROJECT = "POSES_DO_NOT_PROJECT"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +122,11 @@ class Remark:
     cameras : tuple of str
     values : mapping of str to float
         Units are in the names.
+    detail : str
+        A word of the sentence that is no number, such as the name of a layout.
     """
 
     code: RemarkCode
     cameras: tuple[str, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict, hash=False)
+    detail: str = ""
