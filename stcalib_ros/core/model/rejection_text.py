@@ -26,8 +26,19 @@ _SENTENCES = {
         "estimator's output"
     ),
     _R.IDS_ARE_NO_TRACKS: (
-        "its track ids are no tracks: {measured:.0%} of its poses go on from the image before "
-        "under the same id, {limit:.0%} are needed; switch tracking on in its pose estimator"
+        "its track ids are no tracks, and its poses cannot be linked by their places: "
+        "{measured:.0%} of them go on from the image before, {limit:.0%} are needed; switch "
+        "tracking on in its pose estimator, or record more images a second"
+    ),
+    _R.STAMPS_IN_BUNCHES: (
+        "its stamps come in bunches of up to {bunch:.0f}, {within_ms:.2g} ms apart where images "
+        "are {period_ms:.3g} ms apart, and images are lost: {measured:.0%} of its intervals are "
+        "too short, {limit:.0%} are the limit; stamp images when they are taken, not when they "
+        "arrive from a buffer"
+    ),
+    _R.STAMPS_TOO_CLOSE: (
+        "its images are {measured:.2g} s apart by their stamps, no camera takes them closer than "
+        "{limit:.2g} s: stamp them when they are taken, in seconds"
     ),
     _R.CLOCK_EPOCH_DIFFERS: (
         "its clock does not overlap with the others: {begin_s:.1f}..{end_s:.1f} s against "
@@ -194,6 +205,11 @@ _REMARKS = {
         "{camera}: {n_left_out:.0f} of {n_poses:.0f} poses are left out, since all of their "
         "keypoints are at one place: check the pose estimator's output"
     ),
+    RemarkCode.IDS_LINKED: (
+        "{camera}: its track ids are no tracks ({continued:.0%} of its poses go on from the image "
+        "before under the same id, {limit:.0%} are needed): people were linked from image to image "
+        "by their keypoints, to {n_tracks:.0f} tracks; a tracker in its pose estimator does better"
+    ),
     RemarkCode.POSES_RESCALED: (
         "{camera}: people would be {height_m:.0f} m tall by its 3D poses, which are taken as "
         "{detail}: convert them, or set metric to false"
@@ -221,6 +237,16 @@ _REMARKS = {
         "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
         "are not used; no other axes or order of joints fit: check that both are of the same "
         "person and image"
+    RemarkCode.STAMPS_EVENED: (
+        "the stamps of {camera} come in bunches of up to {bunch:.0f}, {within_ms:.2g} ms apart, "
+        "although its images were taken {period_ms:.3g} ms apart, as the motion in them shows: "
+        "even times are taken instead, and its time offset is that of its stamps on average; stamp "
+        "images when they are taken, not when they arrive"
+    ),
+    RemarkCode.IMAGES_LEFT_OUT: (
+        "{camera}: {n_left_out:.0f} of {n_images:.0f} images are left out: no other camera has "
+        "images near their stamps, or others are far away in time; its clock may have been set "
+        "in between"
     ),
     RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
     RemarkCode.VERIFIED_BY_LIMBS_ALONE: (
