@@ -65,12 +65,15 @@ class LiftedCamera:
         Seconds by its own clock; of the middle row of its shutter.
     tracks : tuple of LiftedTrack
     shutter : Shutter
+    received : (N,) ndarray or None
+        Time at which a recorder received each image, as in `CameraRecording`.
     """
 
     name: str
     stamps: Float64Array
     tracks: tuple[LiftedTrack, ...]
     shutter: Shutter = GLOBAL
+    received: Float64Array | None = None
 
 
 def time_span(cameras: Sequence[LiftedCamera], offset_s: Iterable[float]) -> tuple[float, float]:

@@ -77,9 +77,9 @@ _SENTENCES = {
     _R.CLOCK_NOT_STEADY: (
         "its clock is not steady: from {begin_s:.1f} to {end_s:.1f} s after its first image, its "
         "stamps are {measured_ms:.0f} ms off what they are else, {limit_ms:.0f} are the limit"
-        "{or_others}; clocks that are set while they record do that, and images that are lost and "
-        "numbered as if they were not: give the times of acquisition, or use a part of the "
-        "recording"
+        "{and_received}{or_others}; clocks that are set while they record do that, and images that "
+        "are lost and numbered as if they were not: give the times of acquisition, or use a part "
+        "of the recording"
     ),
     _R.POSE_CHANGED: (
         "it has moved: from {begin_s:.1f} to {end_s:.1f} s after its first image, it is turned by "
@@ -250,6 +250,11 @@ _REMARKS = {
         "in between"
     ),
     RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
+    RemarkCode.STAMPS_JUMP: (
+        "{camera}: from {begin_s:.0f} to {end_s:.0f} s after its first image, its stamps are "
+        "{jump_ms:.0f} ms off the times at which a recorder received them, against what they are "
+        "else, though people's motion does not show it: check that nothing sets its clock"
+    ),
     RemarkCode.VERIFIED_BY_LIMBS_ALONE: (
         "no 3D poses verify {cameras}: only the lengths of people's limbs do, which vary by "
         "{limb_variation_percent:.1f} %"
@@ -284,11 +289,18 @@ def sentence(rejection: Rejection) -> str:
             limit_deg=math.degrees(rejection.limit),
             measured_ms=1e3 * rejection.measured,
             limit_ms=1e3 * rejection.limit,
+            and_received=_as_received(rejection),
             or_others=f" (or it is {others})" if others else "",
             others=others,
             detail=rejection.detail,
         )
     )
+
+
+def _as_received(rejection: Rejection) -> str:
+    """What times of receipt say to it, where they say something."""
+    off_s = rejection.values.get("received_s", math.nan)
+    return "" if math.isnan(off_s) else f", and {1e3 * off_s:.0f} ms off when they were received"
 
 
 def labelled(rejection: Rejection) -> str:

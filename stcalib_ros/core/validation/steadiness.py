@@ -15,6 +15,7 @@ from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.validation.block_contrast import Contrast, largest_contrast
+from stcalib_ros.core.validation.receipt_times import stamp_jumps
 from stcalib_ros.core.validation.residual_series import (
     CLOCK,
     ROTATION,
@@ -84,12 +85,18 @@ def unsteady_cameras(
     series = [source.series(c) for c in range(len(members))]
     changes = {c: one for c, own in enumerate(series) if (one := _largest(own)) is not None}
     suspects = _suspects(source, series, changes)
+    jumps = stamp_jumps(members)
+    told = [c for c in suspects if c in jumps and jumps[c].sudden]
+    if len(suspects) == 2 and len(told) == 1:
+        suspects = told
     found: list[Rejection | None] = [None] * len(members)
     lost = {} if suspects else _lost(series)
     for c in (*suspects, *lost):
         others = tuple(members[other].name for other in (*suspects, *lost) if other != c)
         why = changes[c].rejection() if c in changes else lost[c]
         why = _since_first_image(why, members[c], float(last.rig.offset_s[c]))
+        if c in jumps and why.reason is RejectionReason.CLOCK_NOT_STEADY:
+            why = replace(why, values={**why.values, "received_s": jumps[c].size_s})
         found[c] = replace(why, others=others)
     return tuple(found)
 

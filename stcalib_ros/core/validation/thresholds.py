@@ -308,3 +308,15 @@ MAX_RMS_RATIO, MAX_RMS_PX = 4.0, 8.0
 error of the keypoints that count as fitting is refused: some of them do not fit. Measured: 1.3 to
 1.8 on good scenes, simulated and real, but 29 (with 2.8 px) where one of two people is computer
 generated and without error; 4 to 7 (7.5 to 16 px) of clocks that jump to and fro."""
+
+DELAY_STDDEV_S = 0.005
+"""Seconds. Usual difference between the least delays of messages of one second and of another.
+Chosen: drivers and networks of a house are within milliseconds."""
+
+MIN_DELAY_CHANGE_S = 0.02
+"""Seconds. Stamps that change by less against the times of receipt say nothing: a camera that is
+given other work delays its messages by that. Chosen; below one image at 30 Hz."""
+
+SUDDEN_FRACTION = 0.7
+"""Ratio. A change of the delay is sudden if so much of it happens within the three seconds around
+it. Derived: of a delay that grows evenly over ten seconds it is 0.6, and less over more."""

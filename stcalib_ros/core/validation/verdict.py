@@ -15,6 +15,7 @@ from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.validation.camera_checks import CameraChecks, rejection
 from stcalib_ros.core.validation.motion_ambiguity import find_ambiguity
+from stcalib_ros.core.validation.receipt_times import receipt_remarks
 from stcalib_ros.core.validation.recommendations import (
     recommend,
     unobservable_clock_skews,
@@ -117,6 +118,7 @@ def judge(
         *recommend(names, solution.checks, last),
         *unobservable_clock_skews(last),
         *without_poses(names, solution.checks),
+        *receipt_remarks([cameras[c] for c in last.rig.cameras]),
     )
     left_out = solution.exclusions.cameras
     explained = find_ambiguity(cameras, skeleton, last).rejections() if left_out else ()

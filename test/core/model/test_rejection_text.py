@@ -137,6 +137,10 @@ REMARKS = (
     (Remark(C.LEAVE_THE_LINE), "one line: people who walk across it"),
     (Remark(C.RECORD_LONGER), "a clip twice as long"),
     (
+        Remark(C.STAMPS_JUMP, ("a",), {"begin_s": 15.0, "end_s": 30.0, "jump_ms": 100.0}),
+        "^a: from 15 to 30 s after its first .* 100 ms off the times .*: check that nothing sets",
+    ),
+    (
         Remark(C.VERIFIED_BY_LIMBS_ALONE, ("a", "b"), {"limb_variation_percent": 3.21}),
         "^no 3D poses verify a, b: only the lengths .*, which vary by 3.2 %$",
     ),
