@@ -24,8 +24,9 @@ from stcalib_ros.core.validation.thresholds import (
 )
 
 _WINDOW_S, _MAX_WINDOWS = 1.0, 120
-"""Seconds, and count. The least delay is taken over so much, as a burst of a network lasts for less,
-and over more where there would be more windows: cost grows with the square of them. Chosen."""
+"""Seconds, and count. The least delay is taken over so much, as a burst of a network lasts for
+less, and over more where there would be more windows: cost grows with the square of them. Chosen.
+"""
 
 
 @dataclass(frozen=True, slots=True)
