@@ -117,7 +117,8 @@ def _lift_camera(
                 )
             )
     shutter = shutter or GLOBAL
-    return LiftedCamera(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter)
+    stamps = shutter.times(camera.stamps)
+    return LiftedCamera(camera.name, stamps, tuple(tracks), shutter, camera.intrinsics)
 
 
 def _used_keypoints(track: Track, columns: IntArray, min_score: float) -> FloatArray:

@@ -18,6 +18,9 @@ from stcalib_ros.core.model.rejection_text import (
 
 R = RejectionReason
 SPANS = {"begin_s": 3600.0, "end_s": 3602.0, "others_begin_s": 0.0, "others_end_s": 2.0}
+SCALED = {"scale_x": 1 / 3, "scale_y": 0.336, "width": 640.0, "height": 363.0}
+MOVED = {"corner_x": 0.1, "corner_y": 2.0, "cx": 540.0, "cy": 960.0}
+AFFINE = {**SCALED, **MOVED, "given_cx": 960.0, "given_cy": 540.0}
 REJECTIONS = (
     (Rejection(R.TOO_FEW_CAMERAS, (), 1.0, 2.0), "^1 of the cameras can be compared, 2 are needed"),
     (Rejection(R.NO_PERSONS), "no person with enough keypoints: check"),
@@ -41,6 +44,12 @@ REJECTIONS = (
     (Rejection(R.NO_SHARED_OBSERVATIONS), "could not be matched across views: .*; check the intri"),
     (Rejection(R.DISCONNECTED, others=("a", "b")), "shares nobody's motion with a, b: move it"),
     (Rejection(R.UNMATCHED_OBSERVATIONS, others=("a",)), "matches what is seen by a: check"),
+    (
+        Rejection(R.IMAGE_RESIZED, values=AFFINE),
+        "0.33 times as wide and 0.34 .* .640 x 363., .* at .0, 2.: the",
+    ),
+    (Rejection(R.IMAGE_TURNED, values=AFFINE), "a quarter, .* at .540, 960., .* says .960, 540."),
+    (Rejection(R.DISTORTION_DISAGREES, (), -0.07, 0.04), "bent by -7% .*, 4% are the limit: check"),
     (Rejection(R.TOO_FEW_INLIERS, (), 150, 400), "only 150 of its keypoints fit, 400 are needed"),
     (Rejection(R.TOO_MANY_OUTLIERS, (), 0.3, 0.55), "only 30% of .*, 55% are needed: check its in"),
     (Rejection(R.TOO_LITTLE_EXPLAINED, (), 0.2, 0.5), "only 20% of all that it sees .*, 50% are"),
