@@ -81,6 +81,15 @@ LONGEST_BREAK_FRAMES = 3.0
 """Frame periods. See `LONGEST_BREAK_S`: cameras of two images a second have tracks as well.
 Chosen."""
 
+MAX_ASTRAY = 0.2
+"""Ratio to the size of a person in the image. Where poses are linked to tracks, one that is further
+from where the track would have gone, and than `STRAY_SPEED` allows, begins another. Chosen: of
+eight people who cover each other a third as many are exchanged as with `TRACK_JUMP` alone."""
+
+STRAY_SPEED = 2.0
+"""Sizes of a person per second. See `MAX_ASTRAY`. Derived: people who turn round within a
+second."""
+
 MIN_TRACKED_POSES = 60
 """Poses of a camera, count. With fewer nothing is said about its ids. Chosen: two seconds of one
 person at 30 Hz."""
@@ -120,3 +129,46 @@ Chosen: the limbs have twelve."""
 MIN_SAMPLED_POSES = 20
 """Poses of a camera, count. With fewer nothing is said about their axes. Chosen: medians over fewer
 would hang on one or two people in one moment."""
+
+CLOSEST_IMAGES_S = 1e-3
+"""Seconds. Images are taken no closer to each other: stamps that are, are not those of exposures.
+Derived: pose estimators run at 300 Hz at most."""
+
+SHORT_INTERVAL = 0.5
+"""Ratio to the mean period. Intervals below it are short, and within a bunch. Derived: jitter of a
+tenth of the period makes one of 5,000."""
+
+VERY_SHORT_INTERVAL = 0.25
+"""Ratio to the mean period. See `SOME_SHORT`. Derived: jitter of a sixth of the period makes one of
+1,000 intervals so short."""
+
+SOME_SHORT = 0.02
+"""Fraction of the intervals. With as many very short ones, stamps may come in bunches now and then,
+and the keypoints are asked. Chosen: a buffer that is held up once in 15 s, for ten images."""
+
+MANY_SHORT = 0.25
+"""Fraction of the intervals. Stamps with as many short ones come in bunches; if they cannot be made
+even, the camera is left out. Derived: bunches of two have 0.5; with fewer most stamps are right."""
+
+EVEN_RATIO = 0.7
+"""Ratio of the squared roughness of the motion of keypoints by even stamps over that by the stamps.
+Below it images were taken evenly. Measured: 0.18 to 0.36 for bunches of two and three, in simulated
+scenes and in benchmarks/data; 1.4 and more where images were lost in pauses of the camera."""
+
+UNEVEN_POSITION = 0.15
+"""Fraction of the time from the image before to that after. Images as near to the middle by their
+stamps do not show whether these are right. Chosen: a third of it for one lost image."""
+
+MOVING_QUANTILE = 0.75
+"""Quantile of the ways of keypoints. See `EVEN_RATIO`: only noise is seen of those who stand still.
+Chosen."""
+
+OVERLAP_MARGIN_S = 1.0
+"""Seconds. Images are near those of another camera within twice the range of offsets and this more:
+what a person is seen for at least. Chosen."""
+
+MAX_GRID_FACTOR = 50.0
+"""Ratio of the time from the first to the last image of all cameras over the time for which the
+camera with most images has them. With more, images that no other camera can share, and all
+but the fullest stretch, are left out. Chosen: two clips of 10 s that are 15 minutes apart have 46;
+time and memory of the association grow with it."""

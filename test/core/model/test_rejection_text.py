@@ -17,6 +17,7 @@ from stcalib_ros.core.model.rejection_text import (
 )
 
 R = RejectionReason
+BUNCHES = {"bunch": 3.0, "within_ms": 0.5, "period_ms": 33.3}
 SPANS = {"begin_s": 3600.0, "end_s": 3602.0, "others_begin_s": 0.0, "others_end_s": 2.0}
 SCALED = {"scale_x": 1 / 3, "scale_y": 0.336, "width": 640.0, "height": 363.0}
 MOVED = {"corner_x": 0.1, "corner_y": 2.0, "cx": 540.0, "cy": 960.0}
@@ -31,7 +32,12 @@ REJECTIONS = (
         ),
         "normalised: they lie between 0.02 and 1, .* 1280 x 720 .*; multiply those of 0..1 by",
     ),
-    (Rejection(R.IDS_ARE_NO_TRACKS, (), 0.33, 0.7), "33% of its poses .*, 70% .* tracking on"),
+    (Rejection(R.IDS_ARE_NO_TRACKS, (), 0.33, 0.7), "33% of them go on .*, 70% .* tracking on"),
+    (
+        Rejection(R.STAMPS_IN_BUNCHES, (), 0.5, 0.25, values=BUNCHES),
+        "bunches of up to 3, 0.5 ms apart where images are 33.3 ms apart, .*: 50% .*, 25% are the",
+    ),
+    (Rejection(R.STAMPS_TOO_CLOSE, (), 1e-6, 1e-3, "s"), "are 1e-06 s apart .* than 0.001 s"),
     (Rejection(R.KEYPOINTS_COINCIDE, (), 0.5, 1.0, "px"), "at one place, within 0.5 px: check"),
     (
         Rejection(R.CLOCK_EPOCH_DIFFERS, (), 3598.0, 1.0, "s", (), SPANS),
@@ -68,6 +74,17 @@ REJECTIONS = (
     (
         Rejection(R.ROTATION_UNCERTAIN, (), 0.05, 0.015),
         "by 2.9 degrees, 0.9 are the limit: .*; let",
+    ),
+    (
+        Rejection(R.CLOCK_NOT_STEADY, (), 0.1, 0.015, "s", values={"begin_s": 15.0, "end_s": 30.0}),
+        "from 15.0 to 30.0 s after its first .* 100 ms off .* else, 15 are the limit; clocks",
+    ),
+    (
+        Rejection(
+            *(R.POSE_CHANGED, (), 0.0873, 0.0087, "rad", ("b",)),
+            values={"begin_s": 7.0, "end_s": 10.0},
+        ),
+        r"from 7.0 to 10.0 s .* by 5.0 degrees .*, 0.5 are the limit \(or it is b\); fasten it",
     ),
     (Rejection(R.POSITION_UNCERTAIN, (), 0.2, 0.1), "by 20% of its distance .*, 10% are .*: let"),
     (
@@ -125,11 +142,23 @@ REMARKS = (
         "^no 3D poses verify a, b: only the lengths .*, which vary by 3.2 %$",
     ),
     (
+        Remark(C.STAMPS_EVENED, ("a",), BUNCHES),
+        "^the stamps of a come in bunches of up to 3, 0.5 ms apart, .* taken 33.3 ms apart",
+    ),
+    (
+        Remark(C.IMAGES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_images": 300}),
+        "^a: 12 of 300 images are left out",
+    ),
+    (
         Remark(C.POSES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_poses": 300}),
         "^a: 12 of 300 poses are left out, .* at one place: check",
     ),
     (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), {"length_s": 3.0}), "not observable in 3 s$"),
     (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), SKEWS), "in 3 s: .* to 80 ppm, 10 are .* about 12 s$"),
+    (
+        Remark(C.IDS_LINKED, ("a",), {"continued": 0.4, "limit": 0.7, "n_tracks": 5}),
+        r"^a: .* no tracks \(40% .*, 70% are needed\): .* to 5 tracks; a tracker",
+    ),
     (
         Remark(C.POSES_RESCALED, ("a",), {"height_m": 1720.0}, "millimetres"),
         "^a: people would be 1720 m tall .* taken as millimetres: convert",
