@@ -113,6 +113,10 @@ MIN_POINTS = 40
 """Pairs of keypoints, count, below which no change of a camera is estimated: two or three bodies at
 one moment, fewer than one independent measurement. Chosen on benchmarks.live.watch."""
 
+MIN_POINTS_OF_PAIR = 20
+"""Pairs of keypoints of two cameras, count, below which their residual is not measured: half of
+MIN_POINTS; of more than 900 of a camera, every n-th is used."""
+
 MIN_KEPT_FRACTION = 0.8
 """Fraction of the compared keypoints that a second pass with the corrected calibration must keep:
 residuals that became smaller by losing points are no improvement. Chosen on
@@ -144,3 +148,29 @@ who are partly outside."""
 MAX_LENS_RESIDUAL = 0.01
 """On the plane z = 1. Points whose projection does not lead back to within this are outside of the
 domain of the lens model, far outside of the image. Undistortion itself is accurate to 0.01 px."""
+
+NOISE_SPANS = 15
+"""Spans, count (half a minute of people). The usual residual of two cameras is the median over so
+many: a span in which trackers exchange ids leaves twice the residual of its neighbours."""
+
+FIRST_NOISE_PX = 6.0
+"""Pixels. Usual residual before anything has been seen, counted as one span. Between the 2.5 px of
+good detectors without bias and the 7 to 10 px of those with 20 mm of it."""
+
+MAX_NOISE_PX = 16.0
+"""Pixels. Residuals above it that the best change of a camera leaves are not taken for noise, so
+that a camera which nothing explains does not come to be usual. Noise is 2.5 to 12 px in the
+simulated scenes of benchmarks.live.watch and 1 to 17 px in the real recordings of
+benchmarks.accuracy.real; a camera that was replaced has 16 to 74 px (test_changed_scenes)."""
+
+DRIFT_WEIGHT = 0.1
+"""Weight of one more span in the mean advance of a clock: the mean follows a drift of 1000 ppm at a
+distance of 20 ms, and holds a third of a jump after four spans."""
+
+MIN_DRIFT_FRACTION = 0.5
+"""Fraction of a clock's advance that had come about before its alarm, from which on it has drifted.
+Of jumps it is up to .35 (four spans without an alarm), of drifts .6 (1000 ppm) and more."""
+
+DRIFT_MEMORY_S = 600.0
+"""Seconds without anybody after which a clock's advance may be a drift or a jump: usual clocks (20
+ppm and less) drift by 12 ms meanwhile, a quarter of the threshold of an alarm."""
