@@ -85,7 +85,16 @@ def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
         tracks=_tracks(camera.pose_topic, images, warn),
         metric=first.metric,
         line_time_s=camera.line_time_s,
+        received=_received(images, epoch_ns),
     )
+
+
+def _received(images: Sequence[PoseImage], epoch_ns: int) -> Float64Array | None:
+    """Seconds since the epoch at which a recorder received images; None where nobody did."""
+    times = [image.received_ns for image in images]
+    if all(time is None for time in times):
+        return None
+    return np.array([np.nan if time is None else (time - epoch_ns) / NS for time in times])
 
 
 def _require_constant(camera: CameraImages) -> None:

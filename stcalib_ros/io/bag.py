@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -140,7 +141,8 @@ class _Contents:
             elif stamp_ns(message) == 0:
                 self._unstamped[raw.topic] += 1
             else:
-                self._images[raw.topic].append(pose_image(message, topic=raw.topic))
+                image = pose_image(message, topic=raw.topic)
+                self._images[raw.topic].append(replace(image, received_ns=raw.log_time))
         progress(STAGE, 1.0)
 
     def cameras(self, path: Path | str, warn: Warn) -> list[CameraImages]:

@@ -6,6 +6,51 @@ MAX_FILES = 1000
 """Files. Nothing is exported to a folder of the history that holds as many, so that a caller of the
 service cannot fill the disk with names. Chosen; not measured."""
 
+MAX_YAML_LENGTH = 32_000_000
+"""Characters. A longer file is not read as YAML. The result of 64 cameras has 5 million: 448 x 448
+numbers of 20 characters in its covariance. Chosen."""
+
+MAX_YAML_NODES = 1_000_000
+"""Values of a YAML text, those that an anchor repeats counted each time. The result of 64 cameras
+has 210,000; a million are read in some seconds and 100 MB. Chosen."""
+
+MAX_YAML_DEPTH = 20
+"""Levels of lists and mappings in a YAML text. Result files, configurations and metadata of bags
+have at most 8. Chosen."""
+
+MAX_YAML_NUMBER = 64
+"""Characters. A longer scalar of a YAML text is not looked at as a number: float64 has at most 24.
+Chosen."""
+
+MAX_NAME = 256
+"""Characters. A name in a file (camera, frame, joint) that is longer is refused. ROS 2 limits topic
+names to about as many."""
+
+MAX_MESSAGE = 100_000
+"""Characters. A text for people in a file that is longer is refused. That of 64 cameras, each left
+out with a reason, has 20,000. Chosen."""
+
+MAX_NUMBER = 1e30
+"""No unit. A pose, a lens or a keypoint with a larger number is none: squares of these numbers stay
+finite in float64, and the numbers in the float32 of messages. Chosen."""
+
+MAX_TIME_S = 2.0**31 - 1.0
+"""Seconds. Times and offsets that are larger do not fit into ``builtin_interfaces/Time``, whose
+seconds are an int32. By definition."""
+
+MAX_COUNT = 2**32 - 1
+"""No unit. Ids and counts in messages are uint32. By definition."""
+
+MAX_IMAGE_SIDE = 100_000
+"""Pixels. An image that is wider or higher is none. Ten times the largest sensors; not measured."""
+
+MAX_DISTANCE = 1e6
+"""Metres, or distances of the first two cameras. Cameras are nearer to each other. Chosen."""
+
+ROTATION_TOLERANCE = 1e-2
+"""No unit: largest deviation of R R^T from the identity. Calibrations of data sets that are written
+with three digits pass, what is scaled or mirrored does not. Chosen; not measured."""
+
 PLUMB_BOB_COEFFICIENTS = 5
 """Distortion coefficients. Those of plumb_bob in OpenCV's order are k1 k2 p1 p2 k3; a longer list
 is of the rational model. By definition."""

@@ -7,13 +7,15 @@ disagreement between cameras.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from stcalib_ros.core.lifting.keypoint_checks import (
     keypoint_faults,
     keypoint_remarks,
     without_people,
 )
+from stcalib_ros.core.lifting.pose_axes import with_projecting_poses
+from stcalib_ros.core.lifting.pose_units import in_metres
 from stcalib_ros.core.lifting.time_base import mended_time_base
 from stcalib_ros.core.lifting.track_checks import track_faults
 from stcalib_ros.core.model.recording import Recording
@@ -53,4 +55,11 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     faults = track_faults(recording) | keypoint_faults(recording, min_score=options.min_score)
     faults |= timed.faults
     remarks = keypoint_remarks(recording, min_score=options.min_score) + timed.remarks
-    return ScreenedInput(without_people(recording, faults), faults, remarks)
+    usable = without_people(recording, faults)
+    needed = options.registration.method == "vmf"
+    cameras = list(usable.cameras)
+    for k, given in enumerate(usable.cameras if not needed else ()):
+        cameras[k], axes = with_projecting_poses(given, min_score=options.min_score)
+        remarks += axes
+    in_units, units = in_metres(cameras, needed=needed)
+    return ScreenedInput(replace(usable, cameras=in_units), faults, remarks + units)

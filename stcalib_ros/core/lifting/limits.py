@@ -127,3 +127,39 @@ MAX_GRID_FACTOR = 50.0
 camera with most images has them. With more, images that no other camera can share, and all
 but the fullest stretch, are left out. Chosen: two clips of 10 s that are 15 minutes apart have 46;
 time and memory of the association grow with it."""
+
+MAX_BODY_SIZE = 1.6
+"""Ratio to the size of an adult, either way. Metric 3D poses of people who are larger, or smaller
+by that, are not in metres. Chosen between: poses of half the size (0.5), in units of the trunk (2),
+of the height of the body (0.58) or of millimetres, and those of lifters, 0.89 to 1.10 in simulated
+scenes and in the demo recording."""
+
+SURE_PROJECTION = 0.95
+"""Correlation of keypoints with x and y of the 3D poses, median over poses. Poses with as much
+project onto their keypoints; other axes have to reach it to be named. Measured: 0.956 to 1 in
+scenes of benchmarks.accuracy.level with joint errors of up to 120 mm and tilts of 15 degrees, 0.99
+in the demo recording; poses in other axes have at most 0.94 before, and as much as sound ones
+after."""
+
+MIN_PROJECTION = 0.75
+"""Correlation as in `SURE_PROJECTION`. Poses with less are not used though no other axes fit.
+Chosen below those that are tilted by 45 degrees (rms, about all axes: 0.81 to 0.96, one in twenty
+less), and above poses of somebody else or in another order of joints (0.6 and less)."""
+
+AXES_MARGIN = 1.0 / 3.0
+"""Ratio of what is missing to a correlation of one. Other axes are named where they leave less than
+this of what the given ones leave. Chosen between: 0.06 to 0.2 where the axes are others, 0.37 and
+more where they are right and the poses are tilted by 45 degrees."""
+
+MIN_HANDEDNESS = 0.5
+"""Share of the bending of knees, elbows and toes to the wrong side, less that to the right one,
+from which 3D poses are mirror images. Chosen: bodies have +0.28 (hands raised, straight legs) to +1
+in simulated scenes and in the demo recording, mirrored ones the same below zero."""
+
+MIN_COMMON_NAMES = 8
+"""Joints, count. Another layout is compared by the joints that both have, and must have as many.
+Chosen: the limbs have twelve."""
+
+MIN_SAMPLED_POSES = 20
+"""Poses of a camera, count. With fewer nothing is said about their axes. Chosen: medians over fewer
+would hang on one or two people in one moment."""

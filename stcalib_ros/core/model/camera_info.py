@@ -23,6 +23,11 @@ _POLYNOMIALS = (LensModel.PLUMB_BOB, LensModel.RATIONAL_POLYNOMIAL)
 _CALIBRATE = "calibrate its lens first (e.g. with camera_calibration)"
 
 
+def coefficient_counts(model: LensModel) -> tuple[int, ...]:
+    """Return how many distortion coefficients a lens model may have; none means no distortion."""
+    return _COEFFICIENTS[model]
+
+
 def intrinsics_from_camera_info(
     *,
     width: int,

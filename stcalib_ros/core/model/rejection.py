@@ -96,7 +96,7 @@ class Rejection:
 
 
 class RemarkCode(str, Enum):
-    """Code of a remark on a calibration that can be used."""
+    """Code of a remark on a calibration that can be used, or on its input."""
 
     LEAST_CONSTRAINED_CAMERA = "LEAST_CONSTRAINED_CAMERA"
     SHARE_MORE_VIEW = "SHARE_MORE_VIEW"
@@ -108,6 +108,12 @@ class RemarkCode(str, Enum):
     POSES_LEFT_OUT = "POSES_LEFT_OUT"
     STAMPS_EVENED = "STAMPS_EVENED"
     IMAGES_LEFT_OUT = "IMAGES_LEFT_OUT"
+    POSES_RESCALED = "POSES_RESCALED"
+    POSES_NOT_METRIC = "POSES_NOT_METRIC"
+    POSES_IN_OTHER_AXES = "POSES_IN_OTHER_AXES"
+    POSES_IN_OTHER_ORDER = "POSES_IN_OTHER_ORDER"
+    POSES_WITH_SIDES_EXCHANGED = "POSES_WITH_SIDES_EXCHANGED"
+    POSES_DO_NOT_PROJECT = "POSES_DO_NOT_PROJECT"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +126,11 @@ class Remark:
     cameras : tuple of str
     values : mapping of str to float
         Units are in the names.
+    detail : str
+        A word of the sentence that is no number, such as the name of a layout.
     """
 
     code: RemarkCode
     cameras: tuple[str, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict, hash=False)
+    detail: str = ""

@@ -192,6 +192,34 @@ _REMARKS = {
         "images near their stamps, or others are far away in time; its clock may have been set "
         "in between"
     ),
+    RemarkCode.POSES_RESCALED: (
+        "{camera}: people would be {height_m:.0f} m tall by its 3D poses, which are taken as "
+        "{detail}: convert them, or set metric to false"
+    ),
+    RemarkCode.POSES_NOT_METRIC: (
+        "{camera}: people would be {height_m:.2g} m tall by its 3D poses, which are not used as "
+        "metric: give them in metres, or set metric to false"
+    ),
+    RemarkCode.POSES_IN_OTHER_AXES: (
+        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
+        "are not used: they are {detail} (correlation {best:.2f}); x right, y down, z forward are "
+        "expected"
+    ),
+    RemarkCode.POSES_IN_OTHER_ORDER: (
+        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
+        "are not used: their joints are in the order of {detail} (correlation {best:.2f}); that "
+        "of its layout is expected"
+    ),
+    RemarkCode.POSES_WITH_SIDES_EXCHANGED: (
+        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
+        "are not used: left and right are exchanged between both (correlation {best:.2f} if that "
+        "is undone); check the names of its joints, and whether its image is mirrored"
+    ),
+    RemarkCode.POSES_DO_NOT_PROJECT: (
+        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
+        "are not used; no other axes or order of joints fit: check that both are of the same "
+        "person and image"
+    ),
     RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
     RemarkCode.VERIFIED_BY_LIMBS_ALONE: (
         "no 3D poses verify {cameras}: only the lengths of people's limbs do, which vary by "
@@ -247,7 +275,12 @@ def remark_sentence(remark: Remark) -> str:
     camera, partner = (*remark.cameras, "", "")[:2]
     ends = [end for name, end in _ADDITIONS.items() if name in remark.values]
     text = "".join([_REMARKS[remark.code], *ends])
-    names = {"camera": camera, "partner": partner, "cameras": ", ".join(remark.cameras)}
+    names = {
+        "camera": camera,
+        "partner": partner,
+        "cameras": ", ".join(remark.cameras),
+        "detail": remark.detail,
+    }
     return text.format_map(_Values(remark.values, **names))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -11,12 +11,11 @@ from stcalib_ros.core.geometry.alignment import best_rotation
 from stcalib_ros.core.geometry.epipolar import sampson
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.so3 import hat, rotation_angle
-from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.arrays import Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.calibration import PairResidual
-from stcalib_ros.core.model.lifted import LiftedCamera
-from stcalib_ros.core.model.relative_pose import RelativePose, relative_pose
+from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
+from stcalib_ros.core.model.relative_pose import relative_pose
 from stcalib_ros.core.model.skeleton import Skeleton
-from stcalib_ros.core.registration.correspondences import correspondences
 from stcalib_ros.core.validation.thresholds import MIN_BONE_PAIRS
 
 _MAX_FRAMES = 400
@@ -72,28 +71,46 @@ def _matched_bones(
     cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration, a: int, b: int
 ) -> tuple[Float64Array, Float64Array]:
     """Bones (M, 3), (M, 3) at common times in the two optical frames, m; of some frames only."""
-    rig = last.rig
-    cam_a, cam_b = cameras[rig.cameras[a]], cameras[rig.cameras[b]]
-    lag = rig.offset_s[a] - rig.offset_s[b]
-    period = frame_period(cam_b.stamps)
     pairs_a, pairs_b = [np.zeros((0, 3))], [np.zeros((0, 3))]
-    matches = matches_of(last, a, b)
-    stride = max(1, sum(len(cam_a.tracks[p].frames) for p, _ in matches) // _MAX_FRAMES)
-    for p, q in matches:
-        track_a, track_b = cam_a.tracks[p], cam_b.tracks[q]
-        times = cam_a.stamps[track_a.frames[::stride]]
-        at = Interpolation(cam_b.stamps[track_b.frames], times + lag, period=period)
-        slot = last.association.slot(times + rig.offset_s[a])
-        same = last.association.person_of[a][p][slot] == last.association.person_of[b][q][slot]
-        v_a = _bones(track_a.joints_cam[::stride], skeleton)
+    for track_a, rows, track_b, at in _common_frames(cameras, last, a, b):
+        v_a = _bones(track_a.joints_cam[rows], skeleton)
         v_b = _bones(at(track_b.joints_cam), skeleton)
-        good = np.isfinite(v_a + v_b).all(-1) & same[:, None]
+        good = np.isfinite(v_a + v_b).all(-1)
         pairs_a.append(v_a[good])
         pairs_b.append(v_b[good])
     return np.concatenate(pairs_a), np.concatenate(pairs_b)
 
 
-def _bones(joints: Float64Array, skeleton: Skeleton) -> Float64Array:
+def _common_frames(
+    cameras: Sequence[LiftedCamera], last: Iteration, a: int, b: int
+) -> Iterator[tuple[LiftedTrack, IntArray, LiftedTrack, Interpolation]]:
+    """Yield a track of a, rows of it, and the track of b that is the same person at these times.
+
+    Which track is which person is looked up slot by slot: trackers exchange ids, and two tracks
+    that are one person at some time are two persons at another. Of many frames, a regular part.
+    """
+    rig, known = last.rig, last.association
+    cam_a, cam_b = cameras[rig.cameras[a]], cameras[rig.cameras[b]]
+    lag, period = rig.offset_s[a] - rig.offset_s[b], frame_period(cam_b.stamps)
+    common = []
+    for p, q in matches_of(last, a, b):
+        slot = known.slot(cam_a.stamps[cam_a.tracks[p].frames] + rig.offset_s[a])
+        person = known.person_of[a][p][slot]
+        rows = np.flatnonzero((person >= 0) & (person == known.person_of[b][q][slot]))
+        common.append((cam_a.tracks[p], rows, cam_b.tracks[q]))
+    stride = max(1, sum(len(rows) for _, rows, _ in common) // _MAX_FRAMES)
+    for track_a, every, track_b in common:
+        rows = every[::stride]
+        times = cam_a.stamps[track_a.frames[rows]] + lag
+        yield (
+            track_a,
+            rows,
+            track_b,
+            Interpolation(cam_b.stamps[track_b.frames], times, period=period),
+        )
+
+
+def _bones(joints: FloatArray, skeleton: Skeleton) -> Float64Array:
     known = np.isfinite(joints[..., 0])
     vectors = np.einsum("dj,fjk->fdk", skeleton.directions, np.nan_to_num(joints), optimize=True)
     missing = (skeleton.directions != 0).astype(float) @ (~known).T.astype(float)
@@ -185,24 +202,27 @@ def pair_residuals(
     rig = last.rig
     for a in range(len(rig.cameras)):
         for b in range(a + 1, len(rig.cameras)):
-            matches = matches_of(last, a, b)
-            if not matches:
+            if not (n_persons := _n_common_persons(last, a, b)):
                 continue
             v_a, v_b = _matched_bones(cameras, skeleton, last, a, b)
-            pose = relative_pose(rig, a, b, matches)
-            persons = set(last.association.person_of[a].ravel().tolist()) & set(
-                last.association.person_of[b].ravel().tolist()
-            )
+            pose = relative_pose(rig, a, b)
             found.append(
                 PairResidual(
                     cameras[pose.a].name,
                     cameras[pose.b].name,
-                    len(persons - {-1}),
+                    n_persons,
                     _median_angle(v_a, v_b @ pose.R_a_b.T),
-                    _epipolar_rms(cameras, pose),
+                    _epipolar_rms(_epipolar_px(cameras, last, a, b)),
                 )
             )
     return tuple(found)
+
+
+def _n_common_persons(last: Iteration, a: int, b: int) -> int:
+    """Count the persons that two cameras observe at the same time, slot by slot."""
+    person_a, person_b = last.association.person_of[a], last.association.person_of[b]
+    same = (person_a[:, None] == person_b[None]) & (person_a[:, None] >= 0)
+    return len(np.unique(np.broadcast_to(person_a[:, None], same.shape)[same]))
 
 
 def _median_angle(v: Float64Array, w: Float64Array) -> float:
@@ -215,12 +235,24 @@ def _median_angle(v: Float64Array, w: Float64Array) -> float:
     return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-def _epipolar_rms(cameras: Sequence[LiftedCamera], pose: RelativePose) -> float:
-    """Root mean square Sampson distance of the inliers of a pair, px; NaN without observations."""
-    common = correspondences(cameras, pose)
-    if not len(common.x_a):
-        return float("nan")
+def _epipolar_px(cameras: Sequence[LiftedCamera], last: Iteration, a: int, b: int) -> Float64Array:
+    """Sampson distances (M,) of the keypoints of the same persons at common times, px."""
+    pose = relative_pose(last.rig, a, b)
     E = hat(pose.t_a_b / np.linalg.norm(pose.t_a_b)) @ pose.R_a_b
-    r = np.abs(sampson(E, common.x_a, common.x_b) * common.focal)
-    inliers = r[r <= max(_INLIER_FACTOR * float(np.median(r)), 1e-12)]
+    distances = [np.zeros(0)]
+    for track_a, rows, track_b, at in _common_frames(cameras, last, a, b):
+        x_a, x_b = (
+            np.concatenate([x, np.ones_like(x[..., :1])], -1)
+            for x in (track_a.x[rows], at(track_b.x))
+        )
+        px = np.abs(sampson(E, x_a, x_b)) * np.sqrt(track_a.focal[rows] * at(track_b.focal))
+        distances.append(px[np.isfinite(px)])
+    return np.concatenate(distances)
+
+
+def _epipolar_rms(distances: Float64Array) -> float:
+    """Root mean square of the inliers of distances (M,); NaN without any."""
+    if not len(distances):
+        return float("nan")
+    inliers = distances[distances <= max(_INLIER_FACTOR * float(np.median(distances)), 1e-12)]
     return float(np.sqrt((inliers**2).mean()))

@@ -103,6 +103,7 @@ LEAST = {"rotation_stddev_deg": 0.1146, "position_stddev_percent": 5.0}
 SHARED = {"shared_s": 2.0, "usual_s": 8.0, "common_s": 1.0}
 SKEWS = {"length_s": 3.0, "stddev_ppm": 80.0, "limit_ppm": 10.0, "enough_s": 12.0}
 C = RemarkCode
+PROJECTION = {"given": 0.21, "best": 0.99}
 REMARKS = (
     (Remark(C.LEAST_CONSTRAINED_CAMERA, ("a",), LEAST), "is a: rotation to 0.11 .* to 5 % of .*e$"),
     (
@@ -134,6 +135,30 @@ REMARKS = (
     ),
     (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), {"length_s": 3.0}), "not observable in 3 s$"),
     (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), SKEWS), "in 3 s: .* to 80 ppm, 10 are .* about 12 s$"),
+    (
+        Remark(C.POSES_RESCALED, ("a",), {"height_m": 1720.0}, "millimetres"),
+        "^a: people would be 1720 m tall .* taken as millimetres: convert",
+    ),
+    (
+        Remark(C.POSES_NOT_METRIC, ("a",), {"height_m": 0.86}),
+        "^a: people would be 0.86 m tall .*: give them in metres",
+    ),
+    (
+        Remark(C.POSES_IN_OTHER_AXES, ("a",), PROJECTION, "x left, y up, z forward"),
+        r"^a: .*\(correlation 0.21\) .*: they are x left, y up, z forward \(.* 0.99\); x r",
+    ),
+    (
+        Remark(C.POSES_IN_OTHER_ORDER, ("a",), PROJECTION, "coco_17"),
+        r"^a: .* in the order of coco_17 \(correlation 0.99\)",
+    ),
+    (
+        Remark(C.POSES_WITH_SIDES_EXCHANGED, ("a",), PROJECTION),
+        r"^a: .* left and right are exchanged between both \(correlation 0.99 .*; check",
+    ),
+    (
+        Remark(C.POSES_DO_NOT_PROJECT, ("a",), PROJECTION),
+        r"^a: its 3D poses do not project .*\(correlation 0.21\) .*: check that both",
+    ),
 )
 
 

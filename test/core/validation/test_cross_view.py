@@ -92,6 +92,48 @@ def test_pairs_report_angles_and_distances(small_stages, last):
         assert pair.epipolar_rms_px == pytest.approx(3.0, rel=0.25)
 
 
+def test_exchanged_ids_are_followed_slot_by_slot(small_stages, last):
+    """Two tracks exchange their persons at the beginning of a slot; the pairs stay as they were."""
+    cameras, exchanged = ids_exchanged(small_stages.lifted, last, camera=1)
+    before = pair_residuals(small_stages.lifted, small_stages.skeleton, last)
+    after = pair_residuals(cameras, small_stages.skeleton, exchanged)
+    assert [pair.n_matches for pair in after] == [pair.n_matches for pair in before]
+    for one, other in zip(before, after, strict=True):
+        assert other.epipolar_rms_px == pytest.approx(one.epipolar_rms_px, rel=0.15)
+        assert other.median_angle_rad == pytest.approx(one.median_angle_rad, rel=0.15)
+
+
+def ids_exchanged(lifted, last, camera):
+    """Lifted cameras and iteration, the ids of two people of one camera exchanged halfway."""
+    person_of = list(last.association.person_of)
+    known = person_of[camera].copy()
+    slot = known.shape[1] // 2
+    first, second = np.flatnonzero((known[:, slot - 1 : slot + 1] >= 0).all(-1))[:2]
+    known[[first, second], slot:] = known[[second, first], slot:]
+    person_of[camera] = known
+    start_s = last.association.start_s + slot * last.association.slot_s
+    cam = lifted[last.rig.cameras[camera]]
+    one, other = cam.tracks[first], cam.tracks[second]
+    tracks = list(cam.tracks)
+    tracks[first], tracks[second] = (
+        spliced(before, after, cam.stamps + last.rig.offset_s[camera] < start_s)
+        for before, after in ((one, other), (other, one))
+    )
+    cameras = list(lifted)
+    cameras[last.rig.cameras[camera]] = replace(cam, tracks=tuple(tracks))
+    return cameras, replace(last, association=replace(last.association, person_of=tuple(person_of)))
+
+
+def spliced(before, after, early):
+    """A track that is one until some time and another one from then on."""
+    parts = ((before, early[before.frames]), (after, ~early[after.frames]))
+    fields = ("frames", "x", "focal", "joints_cam", "root_cam")
+    return replace(
+        before,
+        **{f: np.concatenate([getattr(track, f)[rows] for track, rows in parts]) for f in fields},
+    )
+
+
 def test_without_poses_bones_are_unknown(small_stages, last, without_poses):
     assert np.isnan(bone_rotations(without_poses, small_stages.skeleton, last)).all()
     before = pair_residuals(small_stages.lifted, small_stages.skeleton, last)
