@@ -249,6 +249,11 @@ _REMARKS = {
         "before under the same id, {limit:.0%} are needed): people were linked from image to image "
         "by their keypoints, to {n_tracks:.0f} tracks; a tracker in its pose estimator does better"
     ),
+    RemarkCode.IMAGES_LEFT_OUT: (
+        "{camera}: {n_left_out:.0f} of {n_images:.0f} images are left out: no other camera has "
+        "images near their stamps, or others are far away in time; its clock may have been set "
+        "in between"
+    ),
     RemarkCode.POSES_RESCALED: (
         "{camera}: people would be {height_m:.0f} m tall by its 3D poses, which are taken as "
         "{detail}: convert them, or set metric to false"
