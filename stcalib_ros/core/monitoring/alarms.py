@@ -193,7 +193,8 @@ def _verdict(spans: Sequence[Span], before: Verdict, thresholds: Thresholds) -> 
     measured = replace(
         before, residual_px=RMS_OVER_MEDIAN * last.fit.before_px, expected_px=last.expected_px
     )
-    run = _run(own, lambda f: _suspicious(f, thresholds))
+    clear = [(span, f) for span, f in own if explains(f.fit, f.expected_px)]
+    run = _run(clear, lambda f: _suspicious(f, thresholds))
     changed = _changed(run[-RECENT_SPANS:], measured, thresholds)
     found = changed or _gone(own, measured, thresholds) or _confirmed(own, measured, thresholds)
     return found if found.state.alarm else _with_clock(found, *own[-1])

@@ -106,7 +106,13 @@ def test_thresholds_can_be_changed():
 
 
 def test_weak_evidence_adds_up():
-    assert states(*[finding(2.0, gain=0.9)] * 4) == [*[State.UNKNOWN] * 3, State.MOVED]
+    assert states(*[finding(2.0, gain=0.6)] * 4) == [*[State.UNKNOWN] * 3, State.MOVED]
+
+
+def test_a_span_that_nothing_explains_neither_is_evidence_nor_against_it():
+    weak = finding(2.0, gain=0.9)
+    assert states(GOOD, weak, DISAGREES, weak, weak)[-1] is State.MOVED
+    assert not any(state.alarm for state in states(GOOD, weak, DISAGREES, GOOD, weak))
 
 
 def test_a_displacement_beside_a_turn_needs_more_evidence():
