@@ -10,7 +10,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from stcalib_ros.io.mcap_source import bag_files, raw_messages
+from stcalib_ros.io.bag_files import bag_files
+from stcalib_ros.io.bag_source import raw_messages
 from stcalib_ros.io.messages import NS
 
 _STAMP_AT = 4

@@ -1,5 +1,7 @@
 """Errors that the package raises; the command line maps them to exit statuses 2 and 3."""
 
+from __future__ import annotations
+
 
 class StcalibError(Exception):
     """Base of every error this package raises on purpose.
@@ -26,3 +28,15 @@ class Cancelled(StcalibError):
     """The caller asked to stop; nothing was left half done (exit status 3)."""
 
     exit_status = 3
+
+
+def one_line(text: str, limit: int) -> str:
+    """Return one printable line of at most so many characters, whatever somebody's data put in it.
+
+    Examples
+    --------
+    >>> one_line(f"a{chr(27)}[31mb{chr(10)}c", 100)
+    'a?[31mb?c'
+    """
+    line = "".join(c if c.isprintable() else "?" for c in text[: limit + 1])
+    return line if len(line) <= limit else f"{line[: limit - 3]}..."

@@ -13,6 +13,9 @@ from stcalib_ros.core.model.scale_cues import Distance, distances_from_list
 METHODS = ("correlation", "vmf")
 """Ways to register a pair of cameras: the default, and the paper's own."""
 
+MAX_TEXT = 256
+"""Characters. A longer name is refused as an option: ROS 2 limits topic names to about as many."""
+
 INITIAL_ROTATIONS = ("random", "candidates")
 
 
@@ -111,6 +114,11 @@ def _require_valid(record: Any, prefix: str) -> None:
         value, key = getattr(record, one.name), f"{prefix}{one.name}"
         if (kind := _KINDS.get(str(one.type))) is not None and not kind.accepts(value):
             raise InputError(f"option {key}: expected {kind.name}, got {value!r}")
+        if isinstance(value, str) and (len(value) > MAX_TEXT or not value.isprintable()):
+            raise InputError(
+                f"option {key}: expected at most {MAX_TEXT} printable characters, got "
+                f"{value[:MAX_TEXT]!r}"
+            )
         if (bounds := one.metadata.get("range")) and not bounds.low <= value <= bounds.high:
             raise InputError(
                 f"option {key} must be {bounds.low:.12g} to {bounds.high:.12g}, got {value!r}"

@@ -16,7 +16,7 @@ from stcalib_ros.core.lifting.input_checks import Selection, require_usable, sel
 from stcalib_ros.core.lifting.input_screening import ScreenedInput, screen_input
 from stcalib_ros.core.lifting.views import LiftedViews, lift_views
 from stcalib_ros.core.methods import METHODS
-from stcalib_ros.core.model.calibration import Calibration, Insufficient, Status
+from stcalib_ros.core.model.calibration import Calibration, Insufficient
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
@@ -125,7 +125,7 @@ def run_stages(
         rigs = method.integrate(problem, group, pairs)
         solution = method.adjust(problem, pairs, rigs, exclusions)
     except Insufficient as why:
-        failed = failed_calibration(recording, why.status, (why.rejection,), why.uncalibrated)
+        failed = _failed(recording, why, screened)
         return Stages(views.skeleton, views.lifted, hypotheses, rigs, (), failed)
     calibration, alignment = _judged(screened, problem, solution)
     return Stages(
@@ -159,6 +159,12 @@ def _problem(
     )
 
 
+def _failed(recording: Recording, why: Insufficient, screened: ScreenedInput) -> Calibration:
+    return failed_calibration(
+        recording, why.status, (why.rejection,), why.uncalibrated, screened.remarks
+    )
+
+
 def _judged(
     screened: ScreenedInput, problem: CalibrationProblem, solution: Solution
 ) -> tuple[Calibration, WorldAlignment]:
@@ -168,8 +174,7 @@ def _judged(
         recording, views.lifted, views.skeleton, solution.last, solution.covariance, options
     )
     judgement = judge(views.lifted, views.skeleton, solution, alignment.rejection)
-    if judgement.status is Status.OK:
-        judgement = replace(judgement, remarks=(*judgement.remarks, *screened.remarks))
+    judgement = replace(judgement, remarks=(*judgement.remarks, *screened.remarks))
     calibration = make_calibration(
         recording,
         views.lifted,

@@ -1,29 +1,28 @@
-"""Read a bag: an MCAP file or a rosbag2 folder, with or without ROS."""
+"""Read a bag: an MCAP or SQLite file or a rosbag2 folder, with or without ROS."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
-from stcalib_ros.io.mcap_source import (
-    RawMessage,
-    TopicSchema,
-    bag_files,
-    raw_messages,
-    topic_schemas,
-)
-from stcalib_ros.io.message_types import Content, decode, types_of
+from stcalib_ros.io.bag_files import bag_files
+from stcalib_ros.io.bag_records import RawMessage, TopicSchema
+from stcalib_ros.io.bag_source import raw_messages, topic_schemas
+from stcalib_ros.io.limits import MAX_UNSTAMPED
+from stcalib_ros.io.message_types import Content, decode, decode_whole, types_of
 from stcalib_ros.io.messages import (
     CameraInfoFields,
     PoseImage,
     camera_info_fields,
     format_stamp,
     pose_image,
+    stamp_ns,
 )
 from stcalib_ros.io.schemas import require_same_schema
 from stcalib_ros.io.topics import CameraSelection, SelectedCamera, select_cameras
@@ -48,7 +47,7 @@ def read_bag(
     Parameters
     ----------
     path : Path or str
-        ``.mcap`` file or rosbag2 folder.
+        ``.mcap`` or ``.db3`` file, or rosbag2 folder; packed as a whole or message by message, too.
     selection : CameraSelection, optional
         Which cameras, in which order, and their topics. Default: every topic of type
         ``stcalib_ros/msg/PersonPose3DArray`` with the ``camera_info`` beside it.
@@ -79,34 +78,55 @@ def read_bag(
     [('cam0', 30), ('cam1', 30)]
     """
     warn = warn or logging.getLogger(__name__).warning
-    files, cameras = open_bag(path, selection=selection)
-    contents = _Contents(cameras, decoder or decode)
-    topics = frozenset(topic for c in cameras for topic in (c.pose_topic, c.info_topic))
-    contents.collect(raw_messages(files, topics), progress or _no_progress)
+    bag = _opened_bag(path, selection, warn)
+    contents = _Contents(bag.cameras, decoder or decode, bag.undefined)
+    topics = frozenset(topic for c in bag.cameras for topic in (c.pose_topic, c.info_topic))
+    contents.collect(raw_messages(bag.files, topics), progress or _no_progress)
+    if bag.undefined:
+        warn(
+            f"{path} has no definition, or none as ros2msg, of {len(bag.undefined)} topics: "
+            f"{', '.join(sorted(bag.undefined))}; read by our definitions, which the messages fit"
+        )
     return assemble_recording(contents.cameras(path, warn), warn=warn)
 
 
 def open_bag(
-    path: Path | str, *, selection: CameraSelection | None = None
+    path: Path | str, *, selection: CameraSelection | None = None, warn: Warn | None = None
 ) -> tuple[tuple[Path, ...], tuple[SelectedCamera, ...]]:
-    """Files of a bag, and its cameras, whose messages have our definitions.
+    """Files of a bag, and its cameras, whose messages have our definitions or none.
 
     Parameters and errors are those of `read_bag`.
     """
-    files = bag_files(Path(path))
+    bag = _opened_bag(path, selection, warn or logging.getLogger(__name__).warning)
+    return bag.files, bag.cameras
+
+
+class _Bag(NamedTuple):
+    """Files, cameras, and those of the cameras' topics that the bag has no definition of."""
+
+    files: tuple[Path, ...]
+    cameras: tuple[SelectedCamera, ...]
+    undefined: frozenset[str]
+
+
+def _opened_bag(path: Path | str, selection: CameraSelection | None, warn: Warn) -> _Bag:
+    files = bag_files(Path(path), warn=warn)
     schemas = topic_schemas(files)
     cameras = select_cameras(_types_by_topic(path, schemas), selection or CameraSelection())
-    _require_readable(schemas, cameras)
-    return files, cameras
+    return _Bag(files, cameras, _undefined(schemas, cameras))
 
 
 class _Contents:
     """Messages of the chosen topics, converted."""
 
-    def __init__(self, cameras: Sequence[SelectedCamera], decoder: Decoder) -> None:
+    def __init__(
+        self, cameras: Sequence[SelectedCamera], decoder: Decoder, undefined: frozenset[str]
+    ) -> None:
         self._cameras = cameras
         self._decoder = decoder
+        self._undefined = undefined
         self._images: dict[str, list[PoseImage]] = {c.pose_topic: [] for c in cameras}
+        self._unstamped = dict.fromkeys(self._images, 0)
         self._infos: dict[str, tuple[CameraInfoFields, int]] = {}
 
     def collect(self, messages: Iterable[RawMessage], progress: Progress) -> None:
@@ -116,14 +136,18 @@ class _Contents:
             if count % _PROGRESS_EVERY == 0:
                 progress(STAGE, raw.fraction)
             message = self._decoded(raw)
-            if raw.topic in self._images:
-                self._images[raw.topic].append(pose_image(message, topic=raw.topic))
-            else:
+            if raw.topic not in self._images:
                 self._take_info(raw, camera_info_fields(message))
+            elif stamp_ns(message) == 0:
+                self._unstamped[raw.topic] += 1
+            else:
+                image = pose_image(message, topic=raw.topic)
+                self._images[raw.topic].append(replace(image, received_ns=raw.log_time))
         progress(STAGE, 1.0)
 
     def cameras(self, path: Path | str, warn: Warn) -> list[CameraImages]:
         """Cameras that have images."""
+        self._leave_out_unstamped(warn)
         if not any(self._images.values()):
             raise InputError(
                 f"{path} holds no person poses: no message on {', '.join(self._images)}"
@@ -150,8 +174,26 @@ class _Contents:
             )
         return out
 
+    def _leave_out_unstamped(self, warn: Warn) -> None:
+        """Count images with a stamp of zero; a camera that has mostly such ones has no images."""
+        for topic, n_without in self._unstamped.items():
+            n = n_without + len(self._images[topic])
+            if n_without > MAX_UNSTAMPED * n:
+                self._images[topic] = []
+                text = (
+                    f"{topic}: header stamp is zero in {n_without} of {n} images; the publisher "
+                    "must stamp its messages with the acquisition time of the image"
+                )
+                if not any(self._images.values()):
+                    raise InputError(text)
+                warn(text)
+            elif n_without:
+                warn(f"{topic}: {n_without} of {n} images are left out: their header stamp is zero")
+
     def _decoded(self, raw: RawMessage) -> Any:
         try:
+            if raw.topic in self._undefined:
+                decode_whole(raw.type_name, raw.data)
             return self._decoder(raw.type_name, raw.data)
         except Exception as error:  # whatever a decoder says about damaged bytes
             raise InputError(
@@ -183,22 +225,31 @@ def _types_by_topic(path: Path | str, schemas: Sequence[TopicSchema]) -> dict[st
     return types
 
 
-def _require_readable(schemas: Iterable[TopicSchema], cameras: Iterable[SelectedCamera]) -> None:
-    """Demand encodings that we read, and definitions that are ours, of the cameras' topics."""
+def _undefined(schemas: Iterable[TopicSchema], cameras: Iterable[SelectedCamera]) -> frozenset[str]:
+    """Demand an encoding that we read, and definitions that are ours, of the cameras' topics.
+
+    SQLite bags of Humble have no definitions, and some are not written as ros2msg. Their topics
+    are returned: whether our definitions hold, the messages have to show.
+    """
     wanted = {topic for c in cameras for topic in (c.pose_topic, c.info_topic)}
+    undefined = set()
     for s in schemas:
         if s.topic not in wanted:
             continue
-        if (s.encoding, s.schema_encoding) != ("cdr", "ros2msg"):
+        if s.encoding != "cdr":
             raise InputError(
                 f"{s.topic}: messages encoded as {s.encoding!r} with a definition as "
-                f"{s.schema_encoding!r}; expected 'cdr' and 'ros2msg', as ROS 2 records them"
+                f"{s.schema_encoding!r}; expected 'cdr', as ROS 2 records them"
             )
         try:
             text = s.schema.decode()
         except UnicodeDecodeError as error:
             raise InputError(f"{s.topic}: the definition of {s.type_name} is not text") from error
-        require_same_schema(s.topic, s.type_name, text)
+        if s.schema_encoding == "ros2msg" and text.strip():
+            require_same_schema(s.topic, s.type_name, text)
+        else:
+            undefined.add(s.topic)
+    return frozenset(undefined)
 
 
 def _no_progress(_stage: str, _fraction: float) -> None:

@@ -104,6 +104,11 @@ class CdrReader:
         self._at = len(_HEADER)
         self._order = "<" if data[1] else ">"
 
+    @property
+    def left(self) -> int:
+        """Bytes that have not been taken."""
+        return len(self._data) - self._at
+
     def boolean(self) -> bool:
         """Take a ``bool``."""
         return bool(self._unpack("B", 1))
@@ -131,7 +136,10 @@ class CdrReader:
 
     def strings(self) -> list[str]:
         """Take a ``string[]``."""
-        return [self.string() for _ in range(self.uint32())]
+        count = self.uint32()
+        if 4 * count > self.left:
+            raise ValueError(f"{count} strings do not fit into the message")
+        return [self.string() for _ in range(count)]
 
     def float32s(self) -> Float64Array:
         """Take a ``float32[]``."""

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import re
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
-from stcalib_ros.io.files import write_text
+from stcalib_ros.io.files import sweep, sync_folder, write_text
 from stcalib_ros.io.limits import MAX_FILES
 from stcalib_ros.io.results import read_result, result_text
 
-_NAME = re.compile(r"calibration\.(\d{6})(\.withdrawn)?\.yaml")
+_NAME = re.compile(r"calibration\.(\d{6,18})(\.withdrawn)?\.yaml", re.ASCII)
+
+Usable = Callable[[Calibration], None]
+"""Raises InputError for a calibration that cannot be put into force."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,13 +31,20 @@ class Kept:
     calibration: Calibration
 
 
+class Found(NamedTuple):
+    """The newest calibration that can be used, and why newer ones cannot."""
+
+    kept: Kept | None
+    skipped: tuple[str, ...]
+
+
 class History:
     """Calibrations ``calibration.000001.yaml``, ``calibration.000002.yaml``, ... in a folder.
 
-    The one with the highest number is in force. It is there whole or not at all, and so the switch
-    from one to the next cannot be caught half done; what a killed process was writing is removed
-    with the next one. A rollback renames the file in force to
-    ``calibration.NNNNNN.withdrawn.yaml``; numbers are never used again. One node to a folder.
+    The one with the highest number that can be used is in force. A file is there whole or not at
+    all, and so the switch from one to the next cannot be caught half done. A rollback renames the
+    file in force to ``calibration.NNNNNN.withdrawn.yaml``; numbers are never used again. One node
+    to a folder.
 
     Parameters
     ----------
@@ -43,20 +57,17 @@ class History:
     def __init__(self, folder: Path, *, keep: int) -> None:
         self.folder = folder
         self._keep = keep
+        self._lock: int | None = None
 
-    def latest(self) -> Kept | None:
-        """Read the calibration in force; None if there is none.
+    def latest(self, usable: Usable) -> Found:
+        """Read the newest calibration that can be used.
 
         Raises
         ------
         InputError
-            The file cannot be read; the message names it.
+            The folder cannot be listed.
         """
-        valid = self._valid()
-        if not valid:
-            return None
-        number = max(valid)
-        return Kept(number, read_result(valid[number]))
+        return self._newest(self._valid(), usable)
 
     def add(self, calibration: Calibration) -> int:
         """Put a calibration in force; returns its number.
@@ -69,25 +80,30 @@ class History:
         self._make_folder()
         number = max(self._files(), default=0) + 1
         write_text(self._path(number), result_text(calibration))
-        files = self._files()
-        leftovers = self.folder.glob(".calibration.*.tmp")
-        with suppress(OSError):  # the new one is there; what cannot be removed stays
-            for path in (*(files[n] for n in sorted(files)[: -self._keep]), *leftovers):
-                path.unlink(missing_ok=True)
+        with suppress(InputError):  # the new one is there; what cannot be removed stays
+            files = self._files()
+            for n in sorted(files)[: -self._keep]:
+                with suppress(OSError):
+                    files[n].unlink(missing_ok=True)
+            self.sweep()
         return number
 
-    def before(self, number: int) -> Kept:
-        """Read the calibration before a numbered one; before 0, which was not saved, the newest.
+    def before(self, number: int, usable: Usable) -> tuple[Kept, tuple[str, ...]]:
+        """Read the newest usable one before a number; before 0, which was not saved, of all.
+
+        Also returned is why later ones cannot be used.
 
         Raises
         ------
         InputError
-            There is none, or it cannot be read.
+            There is none; the message says what is wrong with those that cannot be used.
         """
         earlier = {n: path for n, path in self._valid().items() if n < number or not number}
-        if not earlier:
-            raise InputError(f"{self.folder} has no earlier calibration to go back to")
-        return Kept(max(earlier), read_result(earlier[max(earlier)]))
+        kept, skipped = self._newest(earlier, usable)
+        if kept is None:
+            problems = "".join(f"; {problem}" for problem in skipped)
+            raise InputError(f"{self.folder} has no earlier calibration to go back to{problems}")
+        return kept, skipped
 
     def withdraw_after(self, number: int) -> None:
         """Withdraw all later calibrations, so that a numbered one is in force.
@@ -97,12 +113,40 @@ class History:
         InputError
             The operating system refuses.
         """
-        for n, path in sorted(self._valid().items(), reverse=True):
-            if n > number:
-                try:
-                    path.rename(self.folder / f"calibration.{n:06d}.withdrawn.yaml")
-                except OSError as error:
-                    raise InputError(f"cannot rename {path}: {error.strerror}") from error
+        try:
+            for n, path in sorted(self._valid().items(), reverse=True):
+                if n > number:
+                    path.rename(self.folder / f"{path.stem}.withdrawn.yaml")
+            sync_folder(self.folder)
+        except OSError as error:
+            raise InputError(f"cannot rename files of {self.folder}: {error.strerror}") from error
+
+    def sweep(self) -> None:
+        """Remove what a killed process was writing.
+
+        Raises
+        ------
+        InputError
+            The folder cannot be listed.
+        """
+        if self._exists():
+            with self._listing():
+                sweep(self.folder)
+
+    def claim(self) -> bool:
+        """Hold the folder for this process, as long as it lives; false if another one does."""
+        if self._lock is None:
+            try:
+                self._lock = os.open(self.folder, os.O_RDONLY)
+            except OSError:
+                return True  # there is none yet, or none that could be used
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True  # of a file system without locks
+        return True
 
     def export(self, calibration: Calibration, name: str) -> Path:
         """Write a calibration to a file below the folder, and nowhere else.
@@ -120,15 +164,21 @@ class History:
             history's, or cannot be written to.
         """
         self._make_folder()
-        path = self._below(name)
-        if not path.exists() and sum(1 for _ in path.parent.iterdir()) >= MAX_FILES:
-            raise InputError(f"{path.parent} has {MAX_FILES} files already; remove some")
+        try:
+            path = self._below(name)
+            sweep(path.parent)
+            if not path.exists() and sum(1 for _ in path.parent.iterdir()) >= MAX_FILES:
+                raise InputError(f"{path.parent} has {MAX_FILES} files already; remove some")
+        except OSError as error:
+            raise InputError(f"cannot write {name!r}: {error.strerror}") from error
         write_text(path, result_text(calibration))
         return path
 
     def _below(self, name: str) -> Path:
         relative = Path(name)
-        if not name or "\0" in name or relative.is_absolute() or ".." in relative.parts:
+        if not name.isprintable():
+            raise InputError(f"{name!r}: name a file by printable characters")
+        if not name or relative.is_absolute() or ".." in relative.parts:
             raise InputError(
                 f"{name!r} is not a path below the results folder: no '/' first, no '..'"
             )
@@ -137,16 +187,26 @@ class History:
                 f"{name!r}: name a file that ends in .yaml and does not begin with 'calibration.'"
             )
         root, path = self.folder.resolve(), self.folder / relative
-        try:
-            parent = path.parent.resolve(strict=True)
-            is_link = path.is_symlink()
-        except OSError as error:
-            raise InputError(f"cannot write {name!r}: {error.strerror}") from error
-        if not parent.is_relative_to(root) or is_link:
+        parent = path.parent.resolve(strict=True)
+        if not parent.is_relative_to(root) or path.is_symlink():
             raise InputError(f"{name!r} is a link or leads through one out of the results folder")
         if not parent.is_dir() or path.is_dir():
             raise InputError(f"cannot write {name!r}: name a file in a folder that exists")
         return parent / path.name
+
+    def _newest(self, files: Mapping[int, Path], usable: Usable) -> Found:
+        """Read them from the newest on until one can be used."""
+        skipped = []
+        for number in sorted(files, reverse=True):
+            try:
+                calibration = read_result(_regular(files[number]))
+                usable(calibration)
+            except InputError as error:
+                name = files[number].name
+                skipped.append(str(error) if name in str(error) else f"{name}: {error}")
+                continue
+            return Found(Kept(number, calibration), tuple(skipped))
+        return Found(None, tuple(skipped))
 
     def _make_folder(self) -> None:
         try:
@@ -159,9 +219,29 @@ class History:
 
     def _files(self) -> dict[int, Path]:
         """All files of the history by number."""
-        found = self.folder.iterdir() if self.folder.is_dir() else ()
+        if not self._exists():
+            return {}
+        with self._listing():
+            found = list(self.folder.iterdir())
         return {int(m[1]): p for p in found if (m := _NAME.fullmatch(p.name))}
 
     def _valid(self) -> dict[int, Path]:
         """Those that were not withdrawn."""
         return {n: p for n, p in self._files().items() if p == self._path(n)}
+
+    def _exists(self) -> bool:
+        with self._listing():
+            return self.folder.is_dir()
+
+    @contextmanager
+    def _listing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise InputError(f"cannot list {self.folder}: {error.strerror}") from error
+
+
+def _regular(path: Path) -> Path:
+    if not path.is_file():
+        raise InputError(f"{path} is not a regular file")
+    return path

@@ -1,212 +1,256 @@
-"""The files of a bag, and the raw messages in them."""
+"""Topics and messages of an MCAP file, with bounded memory."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+import heapq
+import io
+import struct
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any, NamedTuple
 
-from mcap.reader import McapReader, NonSeekingReader, make_reader
-from mcap.records import Channel, Schema
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.records import Channel, Chunk, ChunkIndex, Message, Schema
 from mcap.stream_reader import StreamReader
+from mcap.summary import Summary
 
-from stcalib_ros.core.errors import InputError, StcalibError
-from stcalib_ros.io.yaml_files import read_yaml
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.io.bag_records import RawMessage, TopicSchema
+from stcalib_ros.io.limits import (
+    FREE_CHUNK_BYTES,
+    FREE_POSE_BYTES,
+    MAX_CHUNK_BYTES,
+    MAX_EXPANSION,
+    MAX_POSE_EXPANSION,
+)
+from stcalib_ros.io.unpacking import Budget, unpacked_chunk
 
-_MAGIC = b"\x89MCAP0\r\n"
-_SQLITE = b"SQLite format 3"
-_INFO = "rosbag2_bagfile_information"
-_TO_MCAP = "`ros2 bag convert` turns it into an MCAP bag"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 
-
-@dataclass(frozen=True, slots=True)
-class TopicSchema:
-    """A topic of a bag and the definition of its messages."""
-
-    topic: str
-    type_name: str
-    encoding: str
-    schema_encoding: str
-    schema: bytes
+_RECORD = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQQ")
 
 
-class RawMessage(NamedTuple):
-    """A message as it is in the bag, and how much of the bag has been read with it, 0..1."""
-
-    topic: str
-    type_name: str
-    log_time: int
-    data: bytes
-    fraction: float
-
-
-def bag_files(path: Path) -> tuple[Path, ...]:
-    """MCAP files of a bag, in order: the file itself, or those of a rosbag2 folder.
-
-    Raises
-    ------
-    InputError
-        There is no such bag, or it is stored in another way.
-    """
-    if not path.exists():
-        raise InputError(f"no such bag: {path}")
-    if not path.is_dir():
-        return (path,)
-    metadata = path / "metadata.yaml"
-    if metadata.exists():
-        return _listed_files(path, metadata)
-    files = tuple(sorted(path.glob("*.mcap"), key=lambda p: (len(p.name), p.name)))
-    if not files:
-        others = sorted(p.name for p in path.iterdir())
-        raise InputError(
-            f"{path} is not a bag: it has neither metadata.yaml nor .mcap files, but "
-            f"{', '.join(others[:5]) or 'nothing'}"
-        )
-    return files
-
-
-def topic_schemas(files: Sequence[Path]) -> tuple[TopicSchema, ...]:
-    """Topics of all files; one entry for every definition that a topic occurs with.
-
-    Raises
-    ------
-    InputError
-        A file is empty, cut off, damaged or not an MCAP file.
-    """
-    found: dict[TopicSchema, None] = {}
-    for path in files:
-        with _opened(path) as stream:
-            reader = make_reader(stream)
-            summary = reader.get_summary()
-            if summary is not None and summary.channels:
-                pairs = [(c, summary.schemas.get(c.schema_id)) for c in summary.channels.values()]
-            else:
-                pairs = list(_scanned_channels(stream))
-            found.update(dict.fromkeys(_topic_schema(c, s) for c, s in pairs))
-    return tuple(found)
-
-
-def raw_messages(
-    files: Sequence[Path],
-    topics: frozenset[str],
-    *,
-    in_time: bool = False,
-) -> Iterator[RawMessage]:
-    """Messages of the given topics, in the order of the files.
+class McapSource:
+    """An MCAP file.
 
     Parameters
     ----------
-    files : sequence of Path
-    topics : frozenset of str
-    in_time : bool
-        Within each file in the order in which they were logged, which takes longer.
+    path : Path
+        Where it is.
+    name : Path
+        How to call it in messages.
 
     Raises
     ------
     InputError
-        A file is damaged.
+        The file is cut off (here), or unpacks to more than can be (in every method). What the
+        parser or a decompressor says about damaged bytes is left to the caller.
     """
-    sizes = [path.stat().st_size for path in files]
-    total, before = max(sum(sizes), 1), 0
-    for path, size in zip(files, sizes, strict=True):
-        with _opened(path) as stream:
-            reader = _message_reader(stream)
-            for schema, channel, message in reader.iter_messages(topics, log_time_order=in_time):
-                if schema is not None:
-                    fraction = (before + stream.tell()) / total
-                    yield RawMessage(
-                        channel.topic, schema.name, message.log_time, message.data, fraction
-                    )
-        before += size
 
+    def __init__(self, path: Path, name: Path) -> None:
+        self._name = name
+        self._file = _ClampedFile(path)
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        try:
+            self._require_end()
+            self._summary = SeekingReader(self._file).get_summary() or Summary()
+        except BaseException:
+            self._file.close()
+            raise
+        self._schemas |= self._summary.schemas
+        self._channels |= self._summary.channels
 
-def _message_reader(stream: IO[bytes]) -> McapReader:
-    """By the index where there is one; else from front to back."""
-    reader = make_reader(stream, validate_crcs=True)
-    summary = reader.get_summary()
-    if summary is not None and summary.channels and summary.chunk_indexes:
-        return reader
-    stream.seek(0)
-    return NonSeekingReader(stream, validate_crcs=True)
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
 
+    def topics(self) -> Iterator[TopicSchema]:
+        """Topics, each with its definition."""
+        if not self._channels:
+            for _ in self._scanned(frozenset()):
+                pass
+        for channel in self._channels.values():
+            schema = self._schemas.get(channel.schema_id)
+            if schema is None:
+                yield TopicSchema(channel.topic, "", channel.message_encoding, "", b"")
+            else:
+                yield TopicSchema(
+                    channel.topic,
+                    schema.name,
+                    channel.message_encoding,
+                    schema.encoding,
+                    schema.data,
+                )
 
-def _scanned_channels(stream: IO[bytes]) -> Iterator[tuple[Channel, Schema | None]]:
-    stream.seek(0)
-    schemas: dict[int, Schema] = {}
-    for record in StreamReader(stream).records:
-        if isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            yield record, schemas.get(record.schema_id)
+    def messages(self, topics: frozenset[str], *, in_time: bool) -> Iterator[RawMessage]:
+        """Messages of some topics, as they are in the file or by log time.
 
-
-def _topic_schema(channel: Channel, schema: Schema | None) -> TopicSchema:
-    if schema is None:
-        return TopicSchema(channel.topic, "", channel.message_encoding, "", b"")
-    return TopicSchema(
-        channel.topic, schema.name, channel.message_encoding, schema.encoding, schema.data
-    )
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[IO[bytes]]:
-    """Open an MCAP file that begins and ends as one; what goes wrong inside is an InputError."""
-    try:
-        with path.open("rb") as stream:
-            _require_mcap(path, stream)
-            yield stream
-    except StcalibError:
-        raise
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
-    except Exception as error:  # whatever the parser or a decompressor says about damaged bytes
-        raise InputError(
-            f"{path} is damaged ({type(error).__name__}: {error}); "
-            f"`mcap recover {path} -o recovered.mcap` saves what can be read"
-        ) from error
-
-
-def _require_mcap(path: Path, stream: IO[bytes]) -> None:
-    head = stream.read(len(_SQLITE))
-    if not head:
-        raise InputError(f"{path} is empty (0 bytes): nothing was recorded")
-    if head.startswith(_SQLITE):
-        raise InputError(f"{path} is an SQLite bag; {_TO_MCAP}")
-    if not _MAGIC.startswith(head[: len(_MAGIC)]):
-        raise InputError(f"{path} is not an MCAP file: it begins with {head[:8]!r}")
-    stream.seek(-min(len(_MAGIC), stream.seek(0, 2)), 2)
-    size = stream.tell() + len(_MAGIC)
-    if stream.read() != _MAGIC or size <= len(_MAGIC):
-        raise InputError(
-            f"{path} is truncated: the recording was cut off before its end was written; "
-            f"`mcap recover {path} -o recovered.mcap` saves what can be read"
+        By the index where there is one, else from front to back.
+        """
+        size = self._file.size
+        budget = Budget(
+            FREE_POSE_BYTES + MAX_POSE_EXPANSION * size,
+            f"the poses of {self._name}",
+            "the file is damaged or made to do harm",
         )
-    stream.seek(0)
+        indexed = bool(self._channels) and bool(self._summary.chunk_indexes)
+        found = self._indexed(topics, in_time) if indexed else self._scanned(topics)
+        if in_time and not indexed:
+            found = iter(sorted(found, key=lambda message: message.log_time))
+        for message in found:
+            budget.take(len(message.data) + _RECORD.size + _MESSAGE.size)
+            yield message
 
+    def _indexed(self, topics: frozenset[str], in_time: bool) -> Iterator[RawMessage]:
+        """Chunk by chunk; by log time, messages wait until no later chunk can precede them."""
+        key = _begin if in_time else _place
+        waiting: list[tuple[int, int, RawMessage]] = []
+        count, chunks = 0, _ChunkBudget(self._name, self._file.size)
+        for index in sorted(_distinct(self._summary), key=key):
+            if not self._may_have(index, topics):
+                continue
+            raw = chunks.unpacked(self._chunk_at(index))
+            found = self._in_chunk(raw, topics)
+            if not in_time:
+                yield from found
+                continue
+            while waiting and waiting[0][0] < index.message_start_time:
+                yield heapq.heappop(waiting)[2]
+            for message in found:
+                count += 1
+                heapq.heappush(waiting, (message.log_time, count, message))
+        while waiting:
+            yield heapq.heappop(waiting)[2]
 
-def _listed_files(folder: Path, metadata: Path) -> tuple[Path, ...]:
-    info = _bag_information(metadata)
-    storage = info.get("storage_identifier")
-    if storage != "mcap":
-        raise InputError(f"{folder}: storage is {storage!r}, not 'mcap'; {_TO_MCAP}")
-    if mode := str(info.get("compression_mode") or "").lower():
-        raise InputError(
-            f"{folder}: compression mode {mode!r} is not read, only compressed chunks; {_TO_MCAP}"
+    def _may_have(self, index: ChunkIndex, topics: frozenset[str]) -> bool:
+        """Whether a chunk may have messages of the topics, by its index."""
+        ids = index.message_index_offsets
+        channels = [self._channels.get(i) for i in ids]
+        return not ids or any(c is None or c.topic in topics for c in channels)
+
+    def _chunk_at(self, index: ChunkIndex) -> Chunk:
+        self._file.seek(index.chunk_start_offset)
+        opcode, _ = _RECORD.unpack(self._file.read(_RECORD.size))
+        if opcode != Opcode.CHUNK:
+            raise ValueError(f"no chunk at {index.chunk_start_offset}, where the index has one")
+        chunk: Chunk = Chunk.read(ReadDataStream(self._file))
+        return chunk
+
+    def _scanned(self, topics: frozenset[str]) -> Iterator[RawMessage]:
+        """From front to back; takes in the channels on the way."""
+        self._file.seek(0)
+        chunks = _ChunkBudget(self._name, self._file.size)
+        reader = StreamReader(
+            self._file, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_CHUNK_BYTES
         )
-    names = info.get("relative_file_paths")
-    if not isinstance(names, list) or not names:
-        raise InputError(f"{metadata}: relative_file_paths lists no file")
-    files = tuple(folder / str(name) for name in names)
-    if missing := [str(f) for f in files if not f.exists()]:
-        raise InputError(f"{metadata} lists files that are not there: {', '.join(missing)}")
-    return files
+        for record in reader.records:
+            if isinstance(record, Schema):
+                self._schemas[record.id] = record
+            elif isinstance(record, Channel):
+                self._channels[record.id] = record
+            elif isinstance(record, Chunk):
+                yield from self._in_chunk(chunks.unpacked(record), topics)
+            elif isinstance(record, Message):
+                yield from self._chosen(record.channel_id, record.log_time, record.data, topics)
+
+    def _in_chunk(self, raw: bytes, topics: frozenset[str]) -> Iterator[RawMessage]:
+        """Messages in an unpacked chunk; one at a time, so that many tiny ones take no memory."""
+        at = 0
+        while at < len(raw):
+            opcode, length = _RECORD.unpack_from(raw, at)
+            at += _RECORD.size
+            if length > len(raw) - at:
+                raise ValueError(f"a record of {length} bytes does not fit into its chunk")
+            if opcode == Opcode.MESSAGE:
+                channel, _, log_time, _ = _MESSAGE.unpack_from(raw, at)
+                data = raw[at + _MESSAGE.size : at + length]
+                yield from self._chosen(channel, log_time, data, topics)
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._define(opcode, raw[at : at + length])
+            at += length
+
+    def _define(self, opcode: int, record: bytes) -> None:
+        stream = ReadDataStream(io.BytesIO(record))
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream)
+            self._schemas[schema.id] = schema
+        else:
+            channel = Channel.read(stream)
+            self._channels[channel.id] = channel
+
+    def _chosen(
+        self, channel_id: int, log_time: int, data: bytes, topics: frozenset[str]
+    ) -> Iterator[RawMessage]:
+        channel = self._channels.get(channel_id)
+        if channel is None or channel.topic not in topics:
+            return
+        schema = self._schemas.get(channel.schema_id)
+        if schema is not None:
+            fraction = self._file.tell() / self._file.size
+            yield RawMessage(channel.topic, schema.name, log_time, data, fraction)
+
+    def _require_end(self) -> None:
+        """Demand the end that a recorder writes last."""
+        self._file.seek(-min(len(MCAP_MAGIC), self._file.size), 2)
+        if self._file.read() != MCAP_MAGIC or self._file.size <= len(MCAP_MAGIC):
+            raise InputError(
+                f"{self._name} is truncated: the recording was cut off before its end was written; "
+                f"`mcap recover {self._name} -o recovered.mcap` saves what can be read"
+            )
+        self._file.seek(0)
 
 
-def _bag_information(metadata: Path) -> Mapping[str, Any]:
-    content = read_yaml(metadata)
-    info = content.get(_INFO) if isinstance(content, Mapping) else None
-    if not isinstance(info, Mapping):
-        raise InputError(f"{metadata} is not rosbag2 metadata: it has no {_INFO}")
-    return info
+class _ClampedFile(io.BufferedReader):
+    """A file that never makes room for more bytes than it has, whatever a length in it says."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self.size = path.stat().st_size
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        left = max(self.size - self.tell(), 0)
+        return super().read(left if size is None or size < 0 else min(size, left))
+
+
+class _ChunkBudget:
+    """Unpacks the chunks of a file up to a limit."""
+
+    def __init__(self, name: Path, size: int) -> None:
+        self._name = name
+        self._remedy = (
+            f"`mcap filter {name} -o poses.mcap -y '.*/(person_poses|camera_info)'` makes a bag of "
+            "what is needed"
+        )
+        limit = FREE_CHUNK_BYTES + MAX_EXPANSION * size
+        self._budget = Budget(limit, f"the chunks of {name}", self._remedy)
+
+    def unpacked(self, chunk: Chunk) -> bytes:
+        """Unpacked records of a chunk."""
+        size = chunk.uncompressed_size
+        if size > MAX_CHUNK_BYTES:
+            raise InputError(
+                f"{self._name} has a chunk of {size / 1e6:.0f} MB, which is more than the "
+                f"{MAX_CHUNK_BYTES / 1e6:.0f} MB that are unpacked at once; {self._remedy}"
+            )
+        self._budget.take(size)
+        raw = unpacked_chunk(chunk.compression, chunk.data, size)
+        if chunk.uncompressed_crc not in (0, zlib.crc32(raw)):
+            raise ValueError("a chunk has another checksum than its content")
+        return raw
+
+
+def _distinct(summary: Summary) -> list[ChunkIndex]:
+    """Index of every chunk once, however often it is listed."""
+    return list({index.chunk_start_offset: index for index in summary.chunk_indexes}.values())
+
+
+def _begin(index: ChunkIndex) -> int:
+    return index.message_start_time
+
+
+def _place(index: ChunkIndex) -> int:
+    return index.chunk_start_offset

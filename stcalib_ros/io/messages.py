@@ -52,6 +52,9 @@ class PoseImage:
         0 where they were not finite.
     n_infinite : int
         Infinite values that were taken as not observed.
+    received_ns : int or None
+        Time at which a recorder received the message by its own clock, nanoseconds since the Unix
+        epoch; None where nobody has recorded it.
     """
 
     stamp_ns: int
@@ -65,6 +68,7 @@ class PoseImage:
     joints: Float32Array | None
     joint_scores: Float32Array
     n_infinite: int = 0
+    received_ns: int | None = None
 
 
 class CameraInfoFields(NamedTuple):

@@ -26,6 +26,7 @@ def plain_reasons(calibration: Calibration) -> dict[str, Any]:
                 "message": remark_sentence(remark),
                 "cameras": list(remark.cameras),
                 "values": _plain_values(remark.values),
+                **({"detail": remark.detail} if remark.detail else {}),
             }
             for remark in calibration.remarks
         ],
@@ -47,7 +48,12 @@ def read_rejections(top: Entry, status: Status, message: str) -> tuple[Rejection
 def read_remarks(top: Entry) -> tuple[Remark, ...]:
     """Read the entry ``remarks``, without those whose code only another version knows."""
     return tuple(
-        Remark(RemarkCode(code), _names(entry.get("cameras", [])), _values(entry))
+        Remark(
+            RemarkCode(code),
+            _names(entry.get("cameras", [])),
+            _values(entry),
+            entry.get("detail", "").text(),
+        )
         for entry in top.get("remarks", []).elements()
         if (code := entry.get("code").text()) in RemarkCode.__members__
     )

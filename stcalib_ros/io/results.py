@@ -17,9 +17,11 @@ from stcalib_ros.core.model.calibration import (
     CameraCalibration,
     PairResidual,
     PersonAssociation,
+    Status,
 )
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.io.files import write_text
+from stcalib_ros.io.plausible import require_lens, require_name
 from stcalib_ros.io.reasons import (
     plain_reasons,
     read_rejections,
@@ -121,9 +123,9 @@ def read_result(path: Path | str) -> Calibration:
     version = top.get("format").value
     if version != FORMAT:
         raise InputError(f"{path}: format is {version!r}; this version reads {FORMAT}")
-    epoch_s = top.get("epoch_s").number()
+    epoch_s = top.get("epoch_s").time()
     status, message = top.get("status").status(), top.get("message", "").text()
-    return Calibration(
+    calibration = Calibration(
         status=status,
         message=message,
         reference=top.get("reference").text(),
@@ -135,15 +137,32 @@ def read_result(path: Path | str) -> Calibration:
         persons=tuple(_person(e) for e in top.get("persons", []).elements()),
         pairs=tuple(_pair(e) for e in top.get("pairs", []).elements()),
         reprojection_rms_px=top.get("reprojection_rms_px", np.nan).number(),
-        n_observations=top.get("n_observations", 0).integer(),
-        n_inliers=top.get("n_inliers", 0).integer(),
+        n_observations=top.get("n_observations", 0).count(),
+        n_inliers=top.get("n_inliers", 0).count(),
         joint_covariance=_square(top.get("joint_covariance", [])),
         parameter_order=tuple(e.text() for e in top.get("parameter_order", []).elements()),
-        frame_id=top.get("frame_id", "").text(),
+        frame_id=_frame(top),
         scale_stddev=top.get("scale_stddev", np.nan).number(),
         rejections=read_rejections(top, status, message),
         remarks=read_remarks(top),
     )
+    _require_consistent(calibration, path)
+    return calibration
+
+
+def _require_consistent(calibration: Calibration, path: Path | str) -> None:
+    """Demand what holds between entries; what was refused may lack its reference."""
+    names = [camera.name for camera in calibration.cameras]
+    if calibration.status is Status.OK and calibration.reference not in names:
+        raise InputError(
+            f"{path}: reference: expected one of the cameras {', '.join(names) or '(none)'}, got "
+            f"{calibration.reference!r}"
+        )
+    size, n_names = len(calibration.joint_covariance), len(calibration.parameter_order)
+    if size != n_names:
+        raise InputError(
+            f"{path}: joint_covariance has {size} rows, parameter_order names {n_names}"
+        )
 
 
 def _plain(calibration: Calibration) -> dict[str, Any]:
@@ -228,37 +247,38 @@ def _plain_person(person: PersonAssociation) -> dict[str, Any]:
 
 def _camera(name: str, entry: Entry) -> CameraCalibration:
     return CameraCalibration(
-        name=name,
-        frame_id=entry.get("frame_id", f"{name}_optical_frame").text(),
+        name=require_name(name, f"{entry.path}: name"),
+        frame_id=entry.get("frame_id", f"{name}_optical_frame").name(),
         intrinsics=_lens(entry.get("intrinsics")),
         R_ref_cam=entry.get("rotation").rotation(),
-        t_ref_cam=entry.get("translation").numbers(3),
+        t_ref_cam=entry.get("translation").position(),
         covariance=entry.get("covariance", [np.nan] * 36).numbers(36, finite=False).reshape(6, 6),
-        time_offset_s=entry.get("time_offset_s").number(),
+        time_offset_s=entry.get("time_offset_s").time(),
         time_offset_stddev_s=entry.get("time_offset_stddev_s", np.nan).number(),
-        clock_skew=entry.get("clock_skew", 0.0).number(),
+        clock_skew=entry.get("clock_skew", 0.0).skew(),
         clock_skew_stddev=entry.get("clock_skew_stddev", np.nan).number(),
-        line_time_s=entry.get("line_time_s", 0.0).number(),
+        line_time_s=entry.get("line_time_s", 0.0).time(),
         line_time_stddev_s=entry.get("line_time_stddev_s", np.nan).number(),
     )
 
 
 def _lens(entry: Entry) -> Intrinsics:
-    return Intrinsics(
-        width=entry.get("width").integer(),
-        height=entry.get("height").integer(),
+    lens = Intrinsics(
+        width=entry.get("width").count(),
+        height=entry.get("height").count(),
         model=entry.get("model").lens_model(),
         K=entry.get("k").numbers(9).reshape(3, 3),
         D=entry.get("d").numbers(),
         R_rect_cam=entry.get("r", np.eye(3).ravel().tolist()).numbers(9).reshape(3, 3),
     )
+    return require_lens(lens, entry.path)
 
 
 def _person(entry: Entry) -> PersonAssociation:
     return PersonAssociation(
-        person_id=entry.get("id").integer(),
+        person_id=entry.get("id").count(),
         tracks={
-            name: tuple(e.integer() for e in ids.elements())
+            name: tuple(e.count() for e in ids.elements())
             for name, ids in entry.get("tracks").items()
         },
         reprojection_rms_px=entry.get("reprojection_rms_px", np.nan).number(),
@@ -273,15 +293,20 @@ def _pair(entry: Entry) -> PairResidual:
     return PairResidual(
         camera_a=cameras[0].text(),
         camera_b=cameras[1].text(),
-        n_matches=entry.get("n_matches").integer(),
+        n_matches=entry.get("n_matches").count(),
         median_angle_rad=entry.get("median_angle_rad", np.nan).number(),
         epipolar_rms_px=entry.get("epipolar_rms_px", np.nan).number(),
     )
 
 
+def _frame(top: Entry) -> str:
+    entry = top.get("frame_id", "")
+    return entry.name() if entry.text() else ""
+
+
 def _window(entry: Entry) -> tuple[float, float]:
-    first, last = entry.numbers(2, finite=False).tolist()
-    return first, last
+    first, last = entry.elements_of(2)
+    return first.time(), last.time()
 
 
 def _square(entry: Entry) -> Float64Array:

@@ -12,6 +12,8 @@ from stcalib_ros.core.geometry.so3 import matrix_from_quaternion
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.recording import LensModel
+from stcalib_ros.io.limits import MAX_COUNT, MAX_DISTANCE, MAX_MESSAGE, MAX_NUMBER, MAX_TIME_S
+from stcalib_ros.io.plausible import require_name
 
 _NORM_TOLERANCE = 1e-3
 """Deviation of the norm of a quaternion from 1. Numbers that somebody typed with four digits pass;
@@ -46,11 +48,26 @@ class Entry:
             raise self._expected("a list")
         return [Entry(v, f"{self.path}[{i}]") for i, v in enumerate(self.value)]
 
+    def elements_of(self, count: int) -> list[Entry]:
+        """Entries of a list of so many numbers."""
+        entries = self.elements()
+        if len(entries) != count:
+            raise self._expected(f"{count} numbers")
+        return entries
+
     def text(self) -> str:
         """Text; a number where a name is wanted is one, too."""
         if isinstance(self.value, Mapping | list | bool | None):
             raise self._expected("text")
-        return str(self.value)
+        if len(text := str(self.value)) > MAX_MESSAGE:
+            raise self._expected(f"at most {MAX_MESSAGE} characters")
+        if not text.isascii() and text != text.encode(errors="replace").decode():
+            raise self._expected("text in Unicode")
+        return text
+
+    def name(self) -> str:
+        """Text that can be printed on one line."""
+        return require_name(self.text(), self.path)
 
     def boolean(self) -> bool:
         """Read ``true`` or ``false``."""
@@ -58,14 +75,19 @@ class Entry:
             raise self._expected("true or false")
         return self.value
 
-    def integer(self) -> int:
-        """Whole number."""
+    def count(self) -> int:
+        """Whole number that a message can hold: a count or an id."""
         if isinstance(self.value, bool) or not isinstance(self.value, int):
             raise self._expected("a whole number")
+        if not 0 <= self.value <= MAX_COUNT:
+            raise self._expected(f"a whole number from 0 to {MAX_COUNT}")
         return self.value
 
     def number(self) -> float:
-        """Read a number; ``1e-5``, which YAML 1.1 takes for text, is one, too."""
+        """Read a number; ``1e-5``, which YAML 1.1 takes for text, is one, too.
+
+        NaN and infinity stand for what is not known.
+        """
         if isinstance(self.value, int | float | str) and not isinstance(self.value, bool):
             try:
                 return float(self.value)
@@ -73,13 +95,33 @@ class Entry:
                 pass
         raise self._expected("a number")
 
+    def within(self, limit: float) -> float:
+        """Read a finite number between plus and minus `limit`."""
+        value = self.number()
+        if not abs(value) <= limit:
+            raise self._expected(f"a finite number between -{limit:.12g} and {limit:.12g}")
+        return value
+
+    def skew(self) -> float:
+        """Clock skew, by which no clock stands still or runs backwards."""
+        value = self.number()
+        if not abs(value) < 1.0:
+            raise self._expected("a clock skew between -1 and 1")
+        return value
+
+    def position(self) -> Float64Array:
+        """Read x, y and z of a camera."""
+        return np.array([e.within(MAX_DISTANCE) for e in self.elements_of(3)])
+
+    def time(self) -> float:
+        """Seconds that a stamp can hold."""
+        return self.within(MAX_TIME_S)
+
     def numbers(self, count: int | None = None, *, finite: bool = True) -> Float64Array:
         """Flat list of numbers."""
-        entries = self.elements()
-        if count is not None and len(entries) != count:
-            raise self._expected(f"{count} numbers")
+        entries = self.elements() if count is None else self.elements_of(count)
         values = np.array([e.number() for e in entries], dtype=np.float64)
-        if finite and not np.isfinite(values).all():
+        if finite and not np.all(np.abs(values) <= MAX_NUMBER):
             raise self._expected("finite numbers")
         return values
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.lifting.keypoint_checks import has_enough, keypoint_fault
 from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.io.messages import (
@@ -236,7 +236,9 @@ class CameraBuffer:
         topic = self.camera.pose_topic
         if why := self._follower.break_before(image):
             self._dropped += self._follower.set_aside(image, why)
-            self._last_problem = _line(f"{topic}: {why}; do two cameras publish on this topic?")
+            self._last_problem = one_line(
+                f"{topic}: {why}; do two cameras publish on this topic?", MAX_LINE
+            )
             self._warn("aside", f"{self._last_problem} (set aside until that is clear)")
             return
         if bound := self._follower.append(image, now_s):
@@ -277,12 +279,12 @@ class CameraBuffer:
 
     def _flushed(self, why: str) -> None:
         self._flushes += 1
-        self._last_problem = _line(why)
+        self._last_problem = one_line(why, MAX_LINE)
         self._warn("flush", f"{self._last_problem}; what was received before is discarded")
 
     def _drop(self, why: str) -> None:
         self._dropped += 1
-        self._last_problem = _line(why)
+        self._last_problem = one_line(why, MAX_LINE)
         self._warn("drop", f"{self._last_problem} (dropped)")
 
 
@@ -292,11 +294,14 @@ def _require_pose_bounds(message: Any, limits: Limits) -> None:
             f"{len(message.persons)} persons in one image; {limits.max_persons} are accepted "
             "(max_persons)"
         )
-    if max(len(message.layout), len(message.header.frame_id)) > MAX_TEXT:
-        raise InputError(f"layout or frame_id is longer than {MAX_TEXT} characters")
-    names = message.joint_names
-    if len(names) > limits.max_joints or any(len(name) > MAX_TEXT for name in names):
-        raise InputError(f"more than {limits.max_joints} joint names, or too long ones")
+    if len(message.joint_names) > limits.max_joints:
+        raise InputError(f"more than {limits.max_joints} joint names")
+    for name in (message.layout, message.header.frame_id, *message.joint_names):
+        if len(name) > MAX_TEXT or not name.isprintable():
+            raise InputError(
+                f"layout, frame_id and joint names have at most {MAX_TEXT} characters that can be "
+                f"printed, got {name[:MAX_TEXT]!r}"
+            )
     for person in message.persons:
         sizes = (len(person.joints) / 3, len(person.keypoints) / 2, len(person.joint_scores))
         if max(sizes) > limits.max_joints:
@@ -327,10 +332,4 @@ def _lens_change(topic: str, before: CameraInfoFields | None, after: CameraInfoF
     """Which field of the CameraInfo changes first, and how."""
     field = next(f for f in after._fields if getattr(before, f, None) != getattr(after, f))
     was, is_now = getattr(before, field, None), getattr(after, field)
-    return _line(f"{topic}: CameraInfo changes: {field} was {was!r} and is {is_now!r}")
-
-
-def _line(text: str) -> str:
-    """One printable line of bounded length, whatever a message had in it."""
-    line = "".join(c if c.isprintable() else "?" for c in text)
-    return line if len(line) <= MAX_LINE else f"{line[:MAX_LINE]}..."
+    return one_line(f"{topic}: CameraInfo changes: {field} was {was!r} and is {is_now!r}", MAX_LINE)

@@ -30,6 +30,8 @@ from stcalib_ros.msg import PairResidual as PairResidualMessage
 from stcalib_ros.msg import PersonAssociation as PersonAssociationMessage
 from stcalib_ros.msg import Rejection as RejectionMessage
 
+_LARGEST = float(np.finfo(np.float32).max)
+
 
 def message_class(type_name: str) -> Any:
     """Return the class of a message type.
@@ -180,6 +182,11 @@ def clock_corrections(message: CalibrationResult) -> dict[str, ClockCorrection]:
     }
 
 
+def _single(value: float) -> float:
+    """Return a number that a field of float32 can hold: the largest one for what is beyond."""
+    return max(-_LARGEST, min(value, _LARGEST)) if math.isfinite(value) else value
+
+
 def _header(calibration: Calibration, stamp: Time) -> Header:
     return Header(stamp=stamp, frame_id=calibration.reference_frame)
 
@@ -202,8 +209,8 @@ def _person(person: PersonAssociation) -> PersonAssociationMessage:
         person_id=person.person_id,
         cameras=[camera for camera, _ in seen],
         track_ids=[track for _, track in seen],
-        reprojection_rms_px=person.reprojection_rms_px,
-        margin=person.margin,
+        reprojection_rms_px=_single(person.reprojection_rms_px),
+        margin=_single(person.margin),
     )
 
 
@@ -223,6 +230,6 @@ def _pair(pair: PairResidual) -> PairResidualMessage:
         camera_a=pair.camera_a,
         camera_b=pair.camera_b,
         n_matches=pair.n_matches,
-        median_angle_rad=pair.median_angle_rad,
-        epipolar_rms_px=pair.epipolar_rms_px,
+        median_angle_rad=_single(pair.median_angle_rad),
+        epipolar_rms_px=_single(pair.epipolar_rms_px),
     )

@@ -37,6 +37,8 @@ class SolverState:
         When its solver was done, Unix seconds by this machine's clock; NaN if none has ended.
     last_reasons : tuple of Rejection
         Why the last run, or cameras in it, were rejected.
+    unsaved : str
+        Why the calibration in force is not on the disk; empty if it is, or there is none.
     """
 
     step: Step | None = None
@@ -47,6 +49,7 @@ class SolverState:
     last_took_s: float = math.nan
     last_ended_s: float = math.nan
     last_reasons: tuple[Rejection, ...] = ()
+    unsaved: str = ""
 
 
 def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
@@ -144,19 +147,26 @@ def _watch_values(verdict: Verdict | None) -> dict[str, str]:
 
 
 def solver_status(prefix: str, solver: SolverState) -> Any:
-    """Return the solver's status: an error while nothing is in force and the last run failed."""
+    """Return the solver's status: an error while nothing is in force and the last run failed.
+
+    A warning while the calibration in force is not on the disk.
+    """
     level = DiagnosticStatus.OK
     if not solver.in_force:
         failed = bool(solver.last_status)
         level = DiagnosticStatus.ERROR if failed else DiagnosticStatus.WARN
     step = solver.step
     message = f"running {step.run_id}: {step.stage}" if step else "idle"
+    if solver.unsaved:
+        level = max(level, DiagnosticStatus.WARN)
+        message += f"; the calibration in force is not saved: {solver.unsaved}"
     values = {
         "state": "running" if step else "idle",
         "run_id": step.run_id if step else "",
         "stage": step.stage if step else "",
         "progress": f"{step.fraction:.2f}" if step else "",
         "in_force": solver.in_force,
+        "unsaved": solver.unsaved,
         "last_run": solver.last_run,
         "last_status": solver.last_status,
         "last_message": solver.last_message,

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.model.calibration import Calibration
+from rclpy.serialization import serialize_message
+
+from stcalib_ros.core.errors import InputError, one_line
+from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.io.history import History, Kept
 from stcalib_ros.io.stamps import ClockCorrection, corrections_of
+from stcalib_ros.ros.limits import MAX_LINE, MIN_CAMERAS, SAVE_AGAIN_S
 from stcalib_ros.ros.publishers import Publishers
 
 
@@ -25,6 +30,8 @@ class InForce:
     message : callable
         Returns the ``CalibrationResult`` of a calibration and the id of its run.
     log : rclpy's logger
+    clock : callable
+        Steady, seconds.
     """
 
     def __init__(
@@ -34,12 +41,16 @@ class InForce:
         publishers: Publishers,
         message: Callable[[Calibration, str], Any],
         log: Any,
+        *,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._history, self._cameras = history, frozenset(cameras)
         self._publishers, self._message, self._log = publishers, message, log
         self._kept: Kept | None = None
         self._clocks: Mapping[str, ClockCorrection] = {}
-        self._run_id = ""
+        self._run_id = self._problem = ""
+        self._shared = False
+        self._clock, self._next_s = clock, 0.0
 
     @property
     def calibration(self) -> Calibration | None:
@@ -56,17 +67,26 @@ class InForce:
         """Corrections to the reference clock by name of camera."""
         return self._clocks
 
+    @property
+    def problem(self) -> str:
+        """Why the calibration in force is not on the disk; empty if it is, or there is none."""
+        return self._problem
+
     def load(self) -> None:
-        """Put the last saved calibration into force, if there is one that can be used."""
+        """Put the newest saved calibration that can be used into force, if there is one."""
         try:
-            kept = self._history.latest()
-            if kept is None:
-                return
-            self._require_usable(kept)
+            self._history.sweep()
+            self._claim()
+            kept, skipped = self._history.latest(self._require_usable)
         except InputError as error:
-            self._log.error(f"the saved calibration is not used: {error}")
+            self._log.error(f"no saved calibration is used: {one_line(str(error), MAX_LINE)}")
             return
-        self._log.info(f"calibration {kept.number} of {self._history.folder} is in force")
+        for problem in skipped:
+            self._log.error(f"a saved calibration is not used: {one_line(problem, MAX_LINE)}")
+        if kept is None:
+            return
+        instead = ", the newest that can be used," if skipped else ""
+        self._log.info(f"calibration {kept.number} of {self._history.folder}{instead} is in force")
         self._put(kept, _saved_run(kept))
 
     def replace(self, calibration: Calibration, run_id: str) -> str:
@@ -77,14 +97,21 @@ class InForce:
         str
             What to add to the report of that if it could not be saved; else empty.
         """
-        number, problem = 0, ""
-        try:
-            number = self._history.add(calibration)
-        except InputError as error:
-            problem = f", but not saved: {error}"
-            self._log.error(f"run {run_id} is in force{problem}")
+        number = self._saved(calibration)
+        problem = f", but not saved: {self._problem}" if self._problem else ""
+        if problem:
+            self._log.error(f"run {run_id} is in force{problem}; it is tried again")
         self._put(Kept(number, calibration), run_id)
         return problem
+
+    def save_again(self) -> None:
+        """Save the calibration in force, if it could not be saved when it came into force."""
+        if not self._problem or self._kept is None or self._clock() < self._next_s:
+            return
+        number = self._saved(self._kept.calibration)
+        if not self._problem:
+            self._kept = replace(self._kept, number=number)
+            self._log.info(f"run {self._run_id} is saved now, as calibration {number}")
 
     def rollback(self) -> str:
         """Put the calibration before the one in force into force; return what was done.
@@ -96,11 +123,12 @@ class InForce:
         """
         if self._kept is None:
             raise InputError("there is no calibration in force to go back from")
-        earlier = self._history.before(self._kept.number)
-        self._require_usable(earlier)
+        earlier, skipped = self._history.before(self._kept.number, self._require_usable)
         self._history.withdraw_after(earlier.number)
+        self._problem = ""
         self._put(earlier, _saved_run(earlier))
-        return f"calibration {earlier.number} is in force again"
+        instead = "".join(f"; not used: {problem}" for problem in skipped)
+        return f"calibration {earlier.number} is in force again{instead}"
 
     def export(self, path: str) -> Path:
         """Write the calibration in force to a file below the results folder.
@@ -114,14 +142,39 @@ class InForce:
             raise InputError("there is no calibration to save yet")
         return self._history.export(self._kept.calibration, path)
 
-    def _require_usable(self, kept: Kept) -> None:
-        """Demand a calibration of our cameras, with clocks that run forwards."""
-        corrections_of(kept.calibration)
-        if others := [c.name for c in kept.calibration.cameras if c.name not in self._cameras]:
-            raise InputError(
-                f"calibration {kept.number} of {self._history.folder} has the cameras "
-                f"{', '.join(others)}, which are not configured"
+    def _saved(self, calibration: Calibration) -> int:
+        """Save; returns the number, or 0 and notes the problem."""
+        number, self._problem = 0, ""
+        try:
+            number = self._history.add(calibration)
+            self._claim()
+        except InputError as error:
+            self._problem = one_line(str(error), MAX_LINE)
+            self._next_s = self._clock() + SAVE_AGAIN_S
+        return number
+
+    def _claim(self) -> None:
+        """Warn, once, of another node that saves to the same folder."""
+        if not self._history.claim() and not self._shared:
+            self._shared = True
+            self._log.warning(
+                f"{self._history.folder}: another process keeps its calibrations there, too; each "
+                "finds those of the other after a restart: give one of them another results_folder"
             )
+
+    def _require_usable(self, calibration: Calibration) -> None:
+        """Demand a calibration of our cameras that is to be used, with clocks that run forwards."""
+        corrections_of(calibration)
+        if calibration.status is not Status.OK:
+            raise InputError(f"its status is {calibration.status.name}")
+        if len(calibration.cameras) < MIN_CAMERAS:
+            raise InputError(f"it has {len(calibration.cameras)} cameras")
+        if others := [c.name for c in calibration.cameras if c.name not in self._cameras]:
+            raise InputError(f"it has the cameras {', '.join(others)}, which are not configured")
+        try:
+            serialize_message(self._message(calibration, ""))
+        except (SystemError, TypeError, ValueError, OverflowError) as error:
+            raise InputError(f"no message can hold it: {error}") from error
 
     def _put(self, kept: Kept, run_id: str) -> None:
         self._kept, self._run_id = kept, run_id

@@ -23,6 +23,14 @@ MAX_LINE = 400
 """Characters. A warning made of what a message held is cut here, so that no sender fills the log.
 Chosen: one name within `MAX_TEXT` and what is said about it fit; not measured."""
 
+MAX_PARAMETER_TEXT = 10_000
+"""Characters. A longer text is refused as the value of a parameter. A hundred distances in YAML's
+short form have as many. Chosen; not measured."""
+
+MAX_PARAMETER_VALUES = 1000
+"""Values of the YAML text of a parameter, those that anchors repeat counted each time: a hundred
+distances have as many. They are read within 10 ms. Chosen."""
+
 MAX_SEQUENCE_GAP = 1_000_000
 """Messages. A jump of a publisher's sequence number that is at least so large is another publisher
 and not a loss. Nine hours at 30 Hz, longer than any gap that this node would live through."""
@@ -120,6 +128,10 @@ REPEAT_STARVED_S = 30.0
 CHECK_S = 1.0
 """Seconds. Diagnostics are published, and it is considered whether to calibrate, this often: the
 usual rate of /diagnostics."""
+
+SAVE_AGAIN_S = 10.0
+"""Seconds. A calibration that could not be saved is saved again after so long: writing takes up to
+a second for 64 cameras. Chosen."""
 
 LOOK_S = 0.5
 """Seconds. The relay looks this often for publishers of its topics and for their reliability."""

@@ -19,7 +19,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.core.monitoring.replacement import should_replace
@@ -38,7 +38,14 @@ from stcalib_ros.ros.diagnostics import (
 )
 from stcalib_ros.ros.in_force import InForce
 from stcalib_ros.ros.intake import Intake
-from stcalib_ros.ros.limits import CHECK_S, MIN_CAMERAS, REPEAT_STARVED_S, STARVED_S, STOP_S
+from stcalib_ros.ros.limits import (
+    CHECK_S,
+    MAX_LINE,
+    MIN_CAMERAS,
+    REPEAT_STARVED_S,
+    STARVED_S,
+    STOP_S,
+)
 from stcalib_ros.ros.load import Meter
 from stcalib_ros.ros.parameters import Settings, declare, settings_from
 from stcalib_ros.ros.publishers import Publishers
@@ -126,9 +133,10 @@ class Calibrator:
             return failure(Status.CANCELLED, f"not started: run {self.run.run_id} is under way")
         known = [camera.name for camera in self.settings.cameras]
         if unknown := [name for name in names if name not in known]:
+            wrong = one_line(", ".join(unknown), MAX_LINE)
             return failure(
                 Status.INSUFFICIENT_DATA,
-                f"not started: no camera {', '.join(unknown)}; there are {', '.join(known)}",
+                f"not started: no camera {wrong}; there are {', '.join(known)}",
             )
         if start_s == -math.inf:
             start_s = self.watcher.changed_s
@@ -206,6 +214,15 @@ class Calibrator:
             self._conclude(outcome)
 
     def _conclude(self, outcome: Outcome) -> None:
+        run, self.run = self.run, None
+        try:
+            self._take(outcome)
+        finally:
+            if run is not None:
+                run.result.set_result(self.message(outcome.calibration, outcome.job.run_id))
+
+    def _take(self, outcome: Outcome) -> None:
+        """Put the calibration of a run into force, if it is better, and report."""
         job, calibration = outcome.job, outcome.calibration
         taken, reason = should_replace(
             calibration, self.in_force.calibration, requested=job.requested, wrong=job.wrong
@@ -226,12 +243,10 @@ class Calibrator:
             last_ended_s=outcome.ended_s,
         )
         self._publish_diagnostics(self.buffers.counts())
-        run, self.run = self.run, None
-        if run is not None:
-            run.result.set_result(self.message(calibration, job.run_id))
 
     def _every_second(self) -> None:
         self._subscriptions.add_latched()
+        self.in_force.save_again()
         counts = self.buffers.counts()
         self._watch(counts)
         lacks = self._publish_diagnostics(counts)
@@ -303,7 +318,10 @@ class Calibrator:
         newly_lost, self._lost = lost != self._lost, lost
         array = DiagnosticArray(
             status=[
-                solver_status(prefix, replace(self._solver, step=self.worker.step)),
+                solver_status(
+                    prefix,
+                    replace(self._solver, step=self.worker.step, unsaved=self.in_force.problem),
+                ),
                 load_status(prefix, self._meter.load(), lost, newly_lost=newly_lost),
                 *(
                     camera_status(prefix, c, counts[n], lacks[n], verdicts.get(n))
@@ -320,7 +338,7 @@ class Calibrator:
         try:
             self._settings_after(changes)
         except InputError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=False, reason=one_line(str(error), MAX_LINE))
         return SetParametersResult(successful=True)
 
     def _apply_parameters(self, changes: Iterable[Any]) -> None:

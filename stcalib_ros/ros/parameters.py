@@ -14,7 +14,12 @@ from stcalib_ros.core.monitoring.alarms import Thresholds
 from stcalib_ros.core.options import Options, option_ranges, options_from_mapping
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.io.yaml_files import parse_yaml
-from stcalib_ros.ros.limits import MAX_CAMERAS, MIN_CAMERAS
+from stcalib_ros.ros.limits import (
+    MAX_CAMERAS,
+    MAX_PARAMETER_TEXT,
+    MAX_PARAMETER_VALUES,
+    MIN_CAMERAS,
+)
 from stcalib_ros.ros.streams import Limits
 
 _NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
@@ -246,6 +251,11 @@ def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
         A value cannot be used.
     """
     names = require_camera_names(values[CAMERAS.name])
+    for name, value in values.items():
+        if isinstance(value, str) and len(value) > MAX_PARAMETER_TEXT:
+            raise InputError(
+                f"{name}: expected at most {MAX_PARAMETER_TEXT} characters, got {len(value)}"
+            )
     options = _options(values)
     if options.reference is not None and options.reference not in names:
         raise InputError(
@@ -272,7 +282,9 @@ def _options(values: Mapping[str, Any]) -> Options:
     for spec in OPTION_SPECS:
         group, _, name = spec.name.rpartition(".")
         (nested.setdefault(group, {}) if group else nested)[name] = values[spec.name]
-    distances = parse_yaml(nested["scale"]["distances"], "scale.distances")
+    distances = parse_yaml(
+        nested["scale"]["distances"], "scale.distances", max_nodes=MAX_PARAMETER_VALUES
+    )
     nested["scale"]["distances"] = () if distances is None else distances
     return options_from_mapping(nested | {"reference": nested["reference"] or None})
 

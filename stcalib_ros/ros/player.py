@@ -14,7 +14,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from stcalib_ros.io.bag import open_bag
-from stcalib_ros.io.mcap_source import RawMessage, raw_messages
+from stcalib_ros.io.bag_records import RawMessage
+from stcalib_ros.io.bag_source import raw_messages
 from stcalib_ros.io.messages import NS
 from stcalib_ros.io.topics import CameraSelection
 from stcalib_ros.ros.convert import message_class
@@ -72,8 +73,8 @@ class Player:
     def __init__(
         self, node: Any, path: Path, selection: CameraSelection, options: PlayOptions
     ) -> None:
-        self._files, cameras = open_bag(path, selection=selection)
         self._log, self._options = node.get_logger(), options
+        self._files, cameras = open_bag(path, selection=selection, warn=self._log.warning)
         reliable = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
         self._publishers: dict[str, Any] = {}
         for camera in cameras:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import signal
 import threading
+import traceback
 from typing import Any
 
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
-from stcalib_ros.ros.limits import SPIN_S
+from stcalib_ros.core.errors import one_line
+from stcalib_ros.ros.limits import MAX_LINE, SPIN_S
+from stcalib_ros.ros.throttle import Throttle
 
 
 def stop_on_signals() -> threading.Event:
@@ -20,9 +23,24 @@ def stop_on_signals() -> threading.Event:
 
 
 def spin_until(stop: threading.Event, node: Any) -> None:
-    """Serve a node until `stop` is set."""
+    """Serve a node until `stop` is set; what goes wrong in one callback ends nothing else."""
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
+    throttle = Throttle(node.get_logger().error)
     while not stop.is_set() and node.context.ok():
-        executor.spin_once(timeout_sec=SPIN_S)
+        _spin_once(executor, throttle)
     executor.shutdown()
+
+
+def _spin_once(executor: SingleThreadedExecutor, throttle: Throttle) -> None:
+    try:
+        executor.spin_once(timeout_sec=SPIN_S)
+    except ExternalShutdownException:
+        return  # the context is no longer ok
+    except Exception as error:  # a fault of ours, which no sender may turn into an end
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        what = one_line(f"{type(error).__name__}: {error}", MAX_LINE)
+        throttle(
+            type(error).__name__,
+            f"an unforeseen error, please report it: {what} ({where.filename}:{where.lineno})",
+        )

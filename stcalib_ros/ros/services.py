@@ -14,8 +14,9 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from stcalib_ros.action import Calibrate
-from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.ros.limits import MAX_LINE
 from stcalib_ros.ros.worker import Step, failure
 from stcalib_ros.srv import Recalibrate, SaveCalibration
 
@@ -129,7 +130,7 @@ class Services:
             response.message = self._saved(request.path, request.format)
             response.success = True
         except InputError as error:
-            response.message = str(error)
+            response.message = one_line(str(error), MAX_LINE)
         return response
 
     def _saved(self, path: str, form: str) -> str:
@@ -139,10 +140,10 @@ class Services:
 
     def _rollback(self, _request: Any, response: Any) -> Any:
         try:
-            response.message = self._calibrator.rollback()
+            response.message = one_line(self._calibrator.rollback(), MAX_LINE)
             response.success = True
         except InputError as error:
-            response.message = str(error)
+            response.message = one_line(str(error), MAX_LINE)
         return response
 
     async def _calibrate(self, goal: Any) -> Any:

@@ -20,7 +20,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo
 from stcalib_ros.msg import PersonPose3DArray
 
-from stcalib_ros.io.mcap_source import RawMessage, bag_files, raw_messages, topic_schemas
+from stcalib_ros.io.bag_files import bag_files
+from stcalib_ros.io.bag_records import RawMessage
+from stcalib_ros.io.bag_source import raw_messages, topic_schemas
 
 TIMEOUT_S = 60.0
 KNOWN_AFTER_S = 0.3

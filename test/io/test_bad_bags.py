@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import random
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import bag_helpers as bags
@@ -15,6 +17,7 @@ from stcalib_ros.cli import main
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_bag
+from stcalib_ros.io.cdr import CdrWriter
 
 Maker = Callable[[Path], Path]
 
@@ -33,9 +36,26 @@ def _no_mcap(folder: Path) -> Path:
     return folder / "a.mcap"
 
 
-def _sqlite(folder: Path) -> Path:
+def _damaged_sqlite(folder: Path) -> Path:
     (folder / "a.db3").write_bytes(b"SQLite format 3\0 and so on")
     return folder / "a.db3"
+
+
+def _other_sqlite(folder: Path) -> Path:
+    with closing(sqlite3.connect(folder / "a.db3")) as base:
+        base.execute("CREATE TABLE topics (id INTEGER, name TEXT)")
+    return folder / "a.db3"
+
+
+def _ros1(folder: Path) -> Path:
+    (folder / "a.bag").write_bytes(b"#ROSBAG V2.0\n")
+    return folder / "a.bag"
+
+
+def _folder_of_empty_files(folder: Path) -> Path:
+    (folder / "a_0.mcap").touch()
+    (folder / "a_1.mcap").touch()
+    return folder
 
 
 def _truncated(folder: Path) -> Path:
@@ -66,25 +86,8 @@ def _empty_folder(folder: Path) -> Path:
     return folder
 
 
-def _folder_of_sqlite(folder: Path) -> Path:
-    text = (
-        "rosbag2_bagfile_information: {storage_identifier: sqlite3, relative_file_paths: [a.db3]}"
-    )
-    (folder / "metadata.yaml").write_text(text)
-    return folder
-
-
 def _folder_with_a_missing_file(folder: Path) -> Path:
     text = "rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: [a.mcap]}"
-    (folder / "metadata.yaml").write_text(text)
-    return folder
-
-
-def _folder_of_compressed_files(folder: Path) -> Path:
-    text = (
-        "rosbag2_bagfile_information: "
-        "{storage_identifier: mcap, compression_mode: FILE, relative_file_paths: [a.mcap.zstd]}"
-    )
     (folder / "metadata.yaml").write_text(text)
     return folder
 
@@ -138,9 +141,19 @@ def _other_encoding(folder: Path) -> Path:
     )
 
 
-def _no_definition(folder: Path) -> Path:
+def _another_type_without_definition(folder: Path) -> Path:
+    """Text after a header that our definition takes for an image without persons."""
     info = ("/cam0/camera_info", CAMERA_INFO, schema_text(CAMERA_INFO), None)
-    return bags.write_raw(folder / "a.mcap", [info, ("/cam0/person_poses", POSES, "", None)])
+    other = CdrWriter()
+    for number in (1_760_000_000, 0):
+        other.uint32(number)
+    for text in ("cam0", "h36m_17"):
+        other.string(text)
+    for _ in range(8):
+        other.uint32(0)
+    return bags.write_raw(
+        folder / "a.mcap", [info, ("/cam0/person_poses", POSES, "", other.data())]
+    )
 
 
 def _no_images(folder: Path) -> Path:
@@ -153,8 +166,11 @@ def _no_images(folder: Path) -> Path:
 CASES: dict[str, tuple[Maker, str]] = {
     "no such file": (_no_such_file, r"no such bag: .*missing\.mcap"),
     "empty file": (_no_bytes, r"a\.mcap is empty"),
-    "no MCAP": (_no_mcap, r"not an MCAP file: it begins with b'this is "),
-    "sqlite": (_sqlite, r"SQLite bag; `ros2 bag convert`"),
+    "no MCAP": (_no_mcap, r"is not a bag: it begins with b'this is "),
+    "damaged sqlite": (_damaged_sqlite, r"is damaged \(.*`sqlite3 .*a\.db3 \.recover \| sqlite3 "),
+    "other sqlite": (_other_sqlite, r"'topics' has no serialization_format, type"),
+    "ROS 1": (_ros1, r"is a ROS 1 bag; `rosbags-convert --src .*a\.bag --dst a`"),
+    "empty files": (_folder_of_empty_files, r"all 2 files are empty \(0 bytes\)"),
     "truncated": (_truncated, r"is truncated: .*`mcap recover "),
     "damaged": (_damaged, r"is damaged \(.*`mcap recover "),
     "no messages": (_no_messages, r"empty bag: it has no topics"),
@@ -166,9 +182,7 @@ CASES: dict[str, tuple[Maker, str]] = {
         ),
     ),
     "folder without bag": (_empty_folder, r"is not a bag: .* but notes\.txt"),
-    "folder of sqlite": (_folder_of_sqlite, r"storage is 'sqlite3', not 'mcap'"),
     "file of folder missing": (_folder_with_a_missing_file, r"not there: .*a\.mcap"),
-    "compressed files": (_folder_of_compressed_files, r"compression mode 'file' is not read"),
     "other metadata": (_folder_with_other_metadata, r"not rosbag2 metadata"),
     "broken metadata": (_folder_with_broken_metadata, r"not valid YAML"),
     "other schema": (
@@ -241,7 +255,10 @@ CASES: dict[str, tuple[Maker, str]] = {
         r"/cam0/camera_info: .*not calibrated",
     ),
     "no images": (_no_images, r"a\.mcap holds no person poses: no message on /cam0/person_poses"),
-    "no definition": (_no_definition, r"no definition of stcalib_ros/msg/PersonPose3DArray"),
+    "no definition": (
+        _another_type_without_definition,
+        r"cannot be decoded as .* bytes are left: it was written with another definition",
+    ),
     "two cameras with one name": (
         _same_name,
         r"two cameras with one name, 'cam0': /cam0/other and /cam0/person_poses",

@@ -189,6 +189,15 @@ def test_order_in_the_bag_does_not_matter(tmp_path: Path) -> None:
     bags.assert_same(ordered, read_bag(bags.write_bag(tmp_path / "b.mcap", shuffled)))
 
 
+def test_times_of_receipt_are_those_of_the_bag(tmp_path: Path) -> None:
+    """`write_bag` logs the stamps; they are kept apart from these."""
+    bag = tmp_path / "bag.mcap"
+    write_bag(bags.small_recording(), bag)
+    for camera in read_bag(bag).cameras:
+        assert camera.received is not None
+        np.testing.assert_allclose(camera.received, camera.stamps, atol=1e-6)
+
+
 def test_other_topics_are_ignored(tmp_path: Path) -> None:
     chatter = ("/chatter", "std_msgs/msg/String", {"data": "hello"}, bags.START_NS)
     path = bags.write_bag(tmp_path / "a.mcap", [chatter, *bags.camera()])

@@ -49,23 +49,28 @@ def names(history: History) -> list[str]:
     return sorted(p.name for p in history.folder.iterdir())
 
 
+def anything(_: Calibration) -> None:
+    """Every calibration that can be read can be used."""
+
+
 def test_none_is_in_force_at_first(history):
-    assert history.latest() is None
+    assert history.latest(anything) == (None, ())
     with pytest.raises(InputError, match="no earlier calibration"):
-        history.before(0)
+        history.before(0, anything)
     assert not history.folder.exists()
 
 
 def test_the_newest_is_in_force_and_the_oldest_go(history):
     assert [history.add(calibration(n)) for n in (10, 20, 30, 40)] == [1, 2, 3, 4]
     assert names(history) == [f"calibration.00000{n}.yaml" for n in (2, 3, 4)]
-    latest = history.latest()
+    latest, skipped = history.latest(anything)
     assert latest is not None
+    assert skipped == ()
     assert (latest.number, latest.calibration.n_inliers) == (4, 40)
 
 
 def rollback(history: History, number: int) -> Kept:
-    earlier = history.before(number)
+    earlier, _ = history.before(number, anything)
     history.withdraw_after(earlier.number)
     return earlier
 
@@ -75,12 +80,13 @@ def test_a_rollback_keeps_what_it_withdraws_and_its_number(history):
     history.add(calibration(20))
     earlier = rollback(history, 2)
     assert (earlier.number, earlier.calibration.n_inliers) == (1, 10)
-    latest = history.latest()
+    latest, skipped = history.latest(anything)
     assert latest is not None
+    assert skipped == ()
     assert latest.number == 1
     assert names(history) == ["calibration.000001.yaml", "calibration.000002.withdrawn.yaml"]
     with pytest.raises(InputError, match="no earlier calibration"):
-        history.before(1)
+        history.before(1, anything)
     assert history.add(calibration(30)) == 3
 
 
@@ -92,21 +98,135 @@ def test_before_one_that_was_not_saved_is_the_newest_file(history):
     assert rollback(history, 2).number == 1
 
 
-def test_a_rollback_to_a_damaged_file_changes_nothing(history):
-    history.add(calibration(10))
-    history.add(calibration(20))
-    (history.folder / "calibration.000001.yaml").write_text("format: ")
+DAMAGED = {
+    "empty": b"",
+    "zeros": b"\0" * 4096,
+    "cut": None,
+    "other version": b"format: stcalib/9",
+    "no text": b"\xff\xfe",
+}
+
+
+def damage(path: Path, kind: str) -> None:
+    content = DAMAGED[kind]
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2] if content is None else content)
+
+
+@pytest.mark.parametrize("kind", DAMAGED)
+def test_the_newest_that_can_be_used_is_in_force(history, kind):
+    for n in (10, 20, 30):
+        history.add(calibration(n))
+    damage(history.folder / "calibration.000003.yaml", kind)
+    latest, skipped = history.latest(anything)
+    assert (latest.number, latest.calibration.n_inliers) == (2, 20)
+    assert len(skipped) == 1
+    assert "calibration.000003.yaml" in skipped[0]
+    assert "\n" not in skipped[0]
+    assert history.add(calibration(40)) == 4
+
+
+@pytest.mark.parametrize("kind", DAMAGED)
+def test_a_rollback_passes_over_damaged_files(history, kind):
+    for n in (10, 20, 30):
+        history.add(calibration(n))
+    damage(history.folder / "calibration.000002.yaml", kind)
+    earlier, skipped = history.before(3, anything)
+    assert (earlier.number, len(skipped)) == (1, 1)
+    history.withdraw_after(1)
+    assert history.latest(anything).kept.number == 1
+    damage(history.folder / "calibration.000001.yaml", kind)
     before = names(history)
-    with pytest.raises(InputError, match=r"calibration\.000001"):
-        history.before(2)
+    with pytest.raises(InputError, match=r"no earlier .*; .*calibration\.000001"):
+        history.before(3, anything)
     assert names(history) == before
 
 
-def test_a_damaged_file_is_named(history):
+def test_what_the_caller_cannot_use_is_passed_over(history):
+    for n in (10, 20):
+        history.add(calibration(n))
+
+    def usable(one: Calibration) -> None:
+        if one.n_inliers == 20:
+            raise InputError("of other cameras")
+
+    latest, skipped = history.latest(usable)
+    assert latest.number == 1
+    assert skipped == ("calibration.000002.yaml: of other cameras",)
+
+
+def test_what_is_no_file_is_passed_over(history):
     history.add(calibration(10))
-    (history.folder / "calibration.000001.yaml").write_text("format: other/1")
-    with pytest.raises(InputError, match=r"calibration\.000001"):
-        history.latest()
+    (history.folder / "calibration.000002.yaml").mkdir()
+    os.mkfifo(history.folder / "calibration.000003.yaml")
+    latest, skipped = history.latest(anything)
+    assert latest.number == 1
+    assert all("is not a regular file" in problem for problem in skipped)
+    assert history.add(calibration(20)) == 4
+
+
+def test_after_a_million_the_numbers_go_on(history):
+    history.folder.mkdir(parents=True)
+    write_result(calibration(10), history.folder / "calibration.999999.yaml")
+    assert history.add(calibration(20)) == 1_000_000
+    assert history.latest(anything).kept.calibration.n_inliers == 20
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may list everything")
+@pytest.mark.parametrize("rights", [0o300, 0o000])
+def test_a_folder_that_cannot_be_listed_is_said(history, rights):
+    history.add(calibration(10))
+    history.folder.chmod(rights)
+    try:
+        refused_everywhere(history)
+    finally:
+        history.folder.chmod(0o700)
+
+
+def test_a_listing_that_fails_is_said(history, monkeypatch):
+    """As a folder without rights does it, whoever runs the test."""
+    history.add(calibration(10))
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    refused_everywhere(history)
+
+
+def refused_everywhere(history: History) -> None:
+    for do in (
+        lambda: history.latest(anything),
+        lambda: history.before(0, anything),
+        lambda: history.add(calibration(20)),
+        lambda: history.export(calibration(20), "x.yaml"),
+        lambda: history.withdraw_after(0),
+        history.sweep,
+    ):
+        with pytest.raises(InputError, match=r"cannot .*: Permission denied"):
+            do()
+
+
+def test_one_process_holds_the_folder(history):
+    history.add(calibration(10))
+    assert history.claim()
+    assert history.claim()
+    code = f"""
+from pathlib import Path
+from stcalib_ros.io.history import History
+print(History(Path({str(history.folder)!r}), keep=3).claim())
+"""
+    assert run(code) == "False\n"
+    assert History(history.folder / "none", keep=3).claim()
+
+
+def run(code: str) -> str:
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
 
 
 def test_killed_while_it_writes_the_one_before_is_in_force(history):
@@ -135,15 +255,16 @@ history.History(folder, keep=3).add(read_result(folder / "calibration.000001.yam
     )
     assert killed.returncode == -9
     assert len(names(history)) == 2, "nothing was being written"
-    latest = history.latest()
+    latest, skipped = history.latest(anything)
     assert latest is not None
+    assert skipped == ()
     assert (latest.number, latest.calibration.n_inliers) == (1, 10)
     assert history.add(calibration(20)) == 2
     assert names(history) == ["calibration.000001.yaml", "calibration.000002.yaml"]
 
 
 def test_killed_at_any_time_what_is_there_is_whole(history):
-    """Processes that save without end, each killed by SIGKILL after some milliseconds."""
+    """Processes that save without end, each killed by SIGKILL amid it: a save takes some 5 ms."""
     history.add(calibration(10))
     code = f"""
 import os, random, signal, time
@@ -151,16 +272,16 @@ from pathlib import Path
 from stcalib_ros.io.history import History
 
 history = History(Path({str(history.folder)!r}), keep=3)
-first = history.latest()
+first, _ = history.latest(lambda _: None)
 random.seed(0)
-for _ in range(40):
+for _ in range(25):
     if not (child := os.fork()):
         while True:
             history.add(first.calibration)
-    time.sleep(random.uniform(0.001, 0.03))
+    time.sleep(random.uniform(0.005, 0.08))
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    found = history.latest()
+    found, _ = history.latest(lambda _: None)
     assert found.number >= first.number, (found.number, first.number)
     assert found.calibration.n_inliers == 10
     first = found
@@ -202,6 +323,10 @@ def test_export_writes_below_the_folder(history):
         "folder.yaml",
         "file.yaml/x.yaml",
         f"{'x' * 300}.yaml",
+        f"{'x' * 251}.yaml",
+        "line\nbreak.yaml",
+        "\x1b[31mred.yaml",
+        "pipe.yaml",
     ],
 )
 def test_export_writes_nowhere_else(history, tmp_path, name):
@@ -214,14 +339,23 @@ def test_export_writes_nowhere_else(history, tmp_path, name):
     (history.folder / "link.yaml").symlink_to(target)
     (history.folder / "folder.yaml").mkdir()
     (history.folder / "file.yaml").touch()
+    os.mkfifo(history.folder / "pipe.yaml")
     before = sorted(p for p in tmp_path.rglob("*"))
     with pytest.raises(InputError):
         history.export(calibration(20), name)
     assert sorted(p for p in tmp_path.rglob("*")) == before
     assert target.read_text() == "untouched"
-    latest = history.latest()
+    latest, skipped = history.latest(anything)
     assert latest is not None
+    assert skipped == ()
     assert latest.calibration.n_inliers == 10
+
+
+@pytest.mark.parametrize("length", [230, 241, 245, 250, 255])
+def test_export_to_the_longest_names_there_are(history, length):
+    name = f"{'n' * (length - 5)}.yaml"
+    history.export(calibration(10), name)
+    assert names(history) == [name]
 
 
 def test_export_does_not_fill_the_disk(history):

@@ -11,8 +11,8 @@ from bag_helpers import CAMERA_INFO, START_NS, schema_text, write_raw
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.bag import open_bag, read_bag
+from stcalib_ros.io.bag_source import raw_messages
 from stcalib_ros.io.cdr import CdrReader, CdrWriter
-from stcalib_ros.io.mcap_source import raw_messages
 from stcalib_ros.io.message_types import TYPES, Content, MessageType, decode
 from stcalib_ros.io.message_types.message_type import HEADER, TIME, decode_header
 from stcalib_ros.ros.buffers import Buffers

@@ -53,11 +53,11 @@ def calibration(numbers: list[float], rotation: Rotation, margin: float = math.i
             frame_id=f"frame {c}",
             intrinsics=lens,
             R_ref_cam=rotation.as_matrix() if c else np.eye(3),
-            t_ref_cam=c * a[:3],
+            t_ref_cam=1e-3 * c * a[:3],
             covariance=c * a[3:39].reshape(6, 6),
             time_offset_s=float(a[40]),
             time_offset_stddev_s=float(a[41]),
-            clock_skew=float(a[42]),
+            clock_skew=1e-10 * float(a[42]),
             clock_skew_stddev=math.nan,
             line_time_s=c * float(a[67]),
             line_time_stddev_s=float(a[68]) if c and margin == math.inf else math.nan,
@@ -231,7 +231,11 @@ def test_remarks_of_other_versions_are_left_out(tmp_path: Path) -> None:
         ("[0, 0, 0, 1]", "[0, 0, 0]", r"cameras\.cam0\.rotation: expected 4 numbers"),
         ("[0, 0, 0, 1]", "[0, 0, 0, 2]", r"rotation: expected a unit quaternion x, y, z, w"),
         ("translation: [0, 0, 0]", "translation: 3", r"translation: expected a list"),
-        ("translation: [0, 0, 0]", "translation: [0, .nan, 0]", r"expected finite numbers"),
+        (
+            "translation: [0, 0, 0]",
+            "translation: [0, .nan, 0]",
+            r"translation\[1\]: expected a finite number",
+        ),
         ("    time_offset_s: 1e-3\n", "", r"cam0\.time_offset_s is missing"),
         ("plumb_bob", "fisheye", r"model: expected one of plumb_bob, "),
         ("width: 640", "width: wide", r"width: expected a whole number"),
@@ -250,6 +254,41 @@ def test_remarks_of_other_versions_are_left_out(tmp_path: Path) -> None:
             r"reasons\[0\]\.code is missing",
         ),
         ("metric: true", "joint_covariance: [[1, 2]]\nmetric: true", r"expected 1 numbers"),
+        *(
+            ("epoch_s: 10", f"epoch_s: {value}", r"epoch_s: expected a finite number between -2147")
+            for value in ("1.0e+20", ".nan", "-1.0e+12", "3e9")
+        ),
+        ("epoch_s: 10", f"epoch_s: 1{'0' * 400}", r"epoch_s: expected a finite number"),
+        ("metric: true", "window_s: [0, 1.0e+20]\nmetric: true", r"window_s\[1\]: expected a fin"),
+        ("metric: true", "window_s: [0]\nmetric: true", r"window_s: expected 2 numbers"),
+        ("metric: true", "n_inliers: -1\nmetric: true", r"n_inliers: expected a whole number from"),
+        ("metric: true", "n_observations: 1099511627776\nmetric: true", r"0 to 4294967295"),
+        ("metric: true", "persons: [{id: -5}]\nmetric: true", r"id: expected a whole number from"),
+        (
+            "metric: true",
+            "persons: [{id: 0, tracks: {cam0: [1099511627776]}}]\nmetric: true",
+            r"tracks\.cam0\[0\]: expected a whole number from",
+        ),
+        ("metric: true", "metric: !!bool x", r"'x' with the tag 'tag:yaml\.org,2002:bool'"),
+        *(
+            ("time_offset_s: 1e-3", f"time_offset_s: {value}", r"time_offset_s: expected a finite")
+            for value in (".nan", ".inf", "1.0e+300", "3e9")
+        ),
+        ("time_offset_s: 1e-3", "time_offset_s: 0\n    clock_skew: 2", r"clock skew between -1"),
+        ("time_offset_s: 1e-3", "time_offset_s: 0\n    clock_skew: .nan", r"clock skew between"),
+        ("translation: [0, 0, 0]", "translation: [1.0e+308, 0, 0]", r"expected a finite number"),
+        ("k: [1, 0, 2, 0, 1, 2, 0, 0, 1]", f"k: {[0] * 9}", r"intrinsics: K is not a pinhole"),
+        ("width: 640", "width: 0", r"expected an image of 1 to 100000 px, got 0 x 480"),
+        ("width: 640", "width: -5", r"width: expected a whole number from 0"),
+        ("d: []", "d: [0.1, 0.1, 0.1]", r"0 or 4 or 5 finite coefficients of plumb_bob"),
+        ("d: []", f"d: [], r: {[0] * 9}", r"intrinsics: r is no rotation"),
+        ("reference: cam0", "reference: nobody", r"one of the cameras cam0, got 'nobody'"),
+        ("reference: cam0", 'frame_id: "a\\nb"\nreference: cam0', r"256 printable characters"),
+        ("    rotation:", '    frame_id: "a\\eb"\n    rotation:', r"256 printable characters"),
+        ("    rotation:", f"    frame_id: {'x' * 300}\n    rotation:", r"256 printable char"),
+        ("metric: true", f"message: {'x' * 100_001}\nmetric: true", r"at most 100000 characters"),
+        ("metric: true", "parameter_order: [a]\nmetric: true", r"has 0 rows, .* names 1"),
+        ("metric: true", "metric: true\nx: &x [*x]", r"no anchor 'x' to repeat"),
     ],
 )
 def test_unusable_file(tmp_path: Path, before: str, after: str, message: str) -> None:

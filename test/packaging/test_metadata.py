@@ -11,9 +11,11 @@ from pathlib import Path
 import stcalib_ros
 
 ROS_KEYS = {
-    "mcap": "mcap-ros2-support",  # the only key that brings it
+    "lz4": "mcap-ros2-support",  # the only key that brings mcap, which brings lz4 and zstandard
+    "mcap": "mcap-ros2-support",
     "opencv-python-headless": "python3-opencv",
     "PyYAML": "python3-yaml",
+    "zstandard": "mcap-ros2-support",
 }
 
 

@@ -27,8 +27,8 @@ from stcalib_ros.srv import Recalibrate, SaveCalibration
 from std_srvs.srv import Trigger
 
 from stcalib_ros.core.synthetic import Scene, SceneOptions, simulate
+from stcalib_ros.io.bag_records import RawMessage
 from stcalib_ros.io.bag_writer import write_bag
-from stcalib_ros.io.mcap_source import RawMessage
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result
 

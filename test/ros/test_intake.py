@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from stcalib_ros.core.synthetic import SceneOptions, simulate
+from stcalib_ros.io.bag_records import RawMessage
+from stcalib_ros.io.bag_source import raw_messages
 from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.cdr import CdrWriter
-from stcalib_ros.io.mcap_source import RawMessage, raw_messages
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.intake import Intake

@@ -13,7 +13,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.io.assemble import assemble_recording
 from stcalib_ros.io.bag import open_bag, read_bag
-from stcalib_ros.io.mcap_source import raw_messages
+from stcalib_ros.io.bag_source import raw_messages
 from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.intake import Intake
 from stcalib_ros.ros.load import Meter

@@ -77,3 +77,46 @@ def test_every_option_has_a_parameter():
 def test_unusable_parameters_say_why(changes, why):
     with pytest.raises(InputError, match=why):
         settings_from(defaults() | changes, node_name="/calibrator")
+
+
+NINEFOLD = "".join(f", &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 9))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("scale.distances", "!!bool x", "'x' with the tag"),
+        ("scale.distances", "!!float ''", "'' with the tag"),
+        ("scale.distances", "!!timestamp x", "'x' with the tag"),
+        (
+            "scale.distances",
+            f"[&a0 [x, x, x, x, x, x, x, x, x]{NINEFOLD}]",
+            "more than 1000 values",
+        ),
+        ("scale.distances", "{" + ", ".join(f"k{i}: 1" for i in range(30_000)) + "}", "10000 char"),
+        ("scale.distances", "{" + ", ".join(f"k{i}: 1" for i in range(900)) + "}", "1000 values"),
+        ("scale.distances", "[" * 5000, "not valid YAML"),
+        ("scale.distances", "[1]", "expected metres"),
+        (
+            "scale.distances",
+            "[{cameras: [cam0, cam1], metres: .inf, sigma_m: 1}]",
+            "at most 1000000",
+        ),
+        (
+            "scale.distances",
+            f"[{{cameras: [cam0, cam1], metres: 1{'0' * 60}, sigma_m: 1}}]",
+            "at most 1000000",
+        ),
+        (
+            "scale.distances",
+            "[{metres: 2, sigma_m: 1, points: {a: [[.nan, 0], [1, 1]], b: [[0, 0], [1, 1]]}}]",
+            "points are two pixels",
+        ),
+        ("world_frame", "x" * 20_000, "at most 10000 characters"),
+        ("world_frame", "x" * 300, "at most 256 printable"),
+        ("world_frame", "a\nb", "at most 256 printable"),
+    ],
+)
+def test_no_value_of_a_parameter_does_more_than_be_refused(name, value, message):
+    with pytest.raises(InputError, match=message):
+        settings_from(defaults() | {name: value}, node_name="/calibrator")

@@ -28,8 +28,8 @@ from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.bag import read_bag
+from stcalib_ros.io.bag_records import RawMessage
 from stcalib_ros.io.bag_writer import write_bag
-from stcalib_ros.io.mcap_source import RawMessage
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result
 from stcalib_ros.ros import replay

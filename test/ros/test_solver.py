@@ -16,8 +16,8 @@ from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.assemble import CameraImages, assemble_recording
+from stcalib_ros.io.bag_source import raw_messages
 from stcalib_ros.io.bag_writer import write_bag
-from stcalib_ros.io.mcap_source import raw_messages
 from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, decode
 from stcalib_ros.io.messages import camera_info_fields, pose_image
 from stcalib_ros.ros.solver import SolverError, calibrate_in_subprocess

@@ -51,6 +51,28 @@ def depth_by_size(x: FloatArray, skeleton: Skeleton) -> Float64Array:
     return 1.0 / _upper(np.where(known, inverse, np.nan), FACING_LIMBS)
 
 
+def pose_size(joints: Float64Array, directions: Float64Array, adult_lengths: Float64Array) -> float:
+    """Return the size of the bodies of 3D poses over that of an adult; NaN where no limb is known.
+
+    Parameters
+    ----------
+    joints : (F, J, 3) ndarray
+        Metres; NaN where unknown.
+    directions : (D, J) ndarray
+        Rows that make bones of joints, see `bone_vectors`.
+    adult_lengths : (D,) ndarray
+        Metres; NaN where not known.
+    """
+    limbs = np.flatnonzero(np.isfinite(adult_lengths))
+    rows = directions[limbs]
+    bones = np.einsum("dj,fjk->fdk", rows, np.nan_to_num(joints))
+    complete = ~np.einsum("dj,fj->fd", rows != 0, ~np.isfinite(joints).all(-1)).astype(bool)
+    lengths = np.where(complete, np.linalg.norm(bones, axis=-1), np.nan)
+    measured = complete.any(0)
+    total = float(np.nanmedian(lengths[:, measured], axis=0).sum()) if measured.any() else 0.0
+    return total / float(adult_lengths[limbs][measured].sum()) if total > 0 else float("nan")
+
+
 def _upper(values: Float64Array, fraction: float) -> Float64Array:
     """Return an upper quantile (F,) of the finite ones of values (F, D) above zero, else NaN."""
     ordered = np.sort(np.where(values > 0.0, values, np.nan), axis=-1)

@@ -15,7 +15,7 @@ import numpy as np
 from stcalib_ros.core.geometry.lens import bearings
 from stcalib_ros.core.geometry.so3 import exp_so3, hat
 from stcalib_ros.core.geometry.triangulation import unit_rays
-from stcalib_ros.core.lifting.body_size import root_by_size
+from stcalib_ros.core.lifting.body_size import pose_size, root_by_size
 from stcalib_ros.core.lifting.keypoint_checks import at_one_place
 from stcalib_ros.core.lifting.limits import (
     KEYPOINT_SCALE,
@@ -133,8 +133,10 @@ def _metric(joints: FloatArray, camera: CameraRecording, skeleton: Skeleton) -> 
     if not np.isfinite(joints).any():
         return None
     poses = joints.astype(np.float64)
-    scale = 1.0 if camera.metric else _body_scale(poses, skeleton)
-    return np.asarray(scale * poses)
+    if camera.metric:
+        return poses
+    size = pose_size(poses, skeleton.directions, skeleton.adult_lengths)
+    return np.asarray(poses / size) if np.isfinite(size) else poses
 
 
 def _roots(joints_cam: FloatArray, x: Float64Array, skeleton: Skeleton) -> Float64Array:
@@ -151,21 +153,6 @@ def _roots(joints_cam: FloatArray, x: Float64Array, skeleton: Skeleton) -> Float
 def _as_precise(values: Float64Array, given: FloatArray) -> FloatArray:
     """Return values in the precision of what they were computed from."""
     return values.astype(np.float32) if given.dtype == np.float32 else values
-
-
-def _body_scale(joints: Float64Array, skeleton: Skeleton) -> float:
-    """Factor that gives the skeleton of one track the size of an adult."""
-    known = np.flatnonzero(np.isfinite(skeleton.adult_lengths))
-    rows = skeleton.directions[known]
-    bones = np.einsum("dj,fjk->fdk", rows, np.nan_to_num(joints))
-    complete = ~np.einsum("dj,fj->fd", rows != 0, ~np.isfinite(joints).all(-1)).astype(bool)
-    lengths = np.where(complete, np.linalg.norm(bones, axis=-1), np.nan)
-    measured = complete.any(0)
-    if not measured.any():
-        return 1.0
-    total = float(np.nanmedian(lengths[:, measured], axis=0).sum())
-    adult = float(skeleton.adult_lengths[known][measured].sum())
-    return adult / total if total > 0 else 1.0
 
 
 def crop_fraction(poses: Sequence[tuple[Float64Array, Float64Array]]) -> float:

@@ -81,6 +81,94 @@ LONGEST_BREAK_FRAMES = 3.0
 """Frame periods. See `LONGEST_BREAK_S`: cameras of two images a second have tracks as well.
 Chosen."""
 
+MAX_ASTRAY = 0.2
+"""Ratio to the size of a person in the image. Where poses are linked to tracks, one that is further
+from where the track would have gone, and than `STRAY_SPEED` allows, begins another. Chosen: of
+eight people who cover each other a third as many are exchanged as with `TRACK_JUMP` alone."""
+
+STRAY_SPEED = 2.0
+"""Sizes of a person per second. See `MAX_ASTRAY`. Derived: people who turn round within a
+second."""
+
 MIN_TRACKED_POSES = 60
 """Poses of a camera, count. With fewer nothing is said about its ids. Chosen: two seconds of one
 person at 30 Hz."""
+
+MAX_BODY_SIZE = 1.6
+"""Ratio to the size of an adult, either way. Metric 3D poses of people who are larger, or smaller
+by that, are not in metres. Chosen between: poses of half the size (0.5), in units of the trunk (2),
+of the height of the body (0.58) or of millimetres, and those of lifters, 0.89 to 1.10 in simulated
+scenes and in the demo recording."""
+
+SURE_PROJECTION = 0.95
+"""Correlation of keypoints with x and y of the 3D poses, median over poses. Poses with as much
+project onto their keypoints; other axes have to reach it to be named. Measured: 0.956 to 1 in
+scenes of benchmarks.accuracy.level with joint errors of up to 120 mm and tilts of 15 degrees, 0.99
+in the demo recording; poses in other axes have at most 0.94 before, and as much as sound ones
+after."""
+
+MIN_PROJECTION = 0.75
+"""Correlation as in `SURE_PROJECTION`. Poses with less are not used though no other axes fit.
+Chosen below those that are tilted by 45 degrees (rms, about all axes: 0.81 to 0.96, one in twenty
+less), and above poses of somebody else or in another order of joints (0.6 and less)."""
+
+AXES_MARGIN = 1.0 / 3.0
+"""Ratio of what is missing to a correlation of one. Other axes are named where they leave less than
+this of what the given ones leave. Chosen between: 0.06 to 0.2 where the axes are others, 0.37 and
+more where they are right and the poses are tilted by 45 degrees."""
+
+MIN_HANDEDNESS = 0.5
+"""Share of the bending of knees, elbows and toes to the wrong side, less that to the right one,
+from which 3D poses are mirror images. Chosen: bodies have +0.28 (hands raised, straight legs) to +1
+in simulated scenes and in the demo recording, mirrored ones the same below zero."""
+
+MIN_COMMON_NAMES = 8
+"""Joints, count. Another layout is compared by the joints that both have, and must have as many.
+Chosen: the limbs have twelve."""
+
+MIN_SAMPLED_POSES = 20
+"""Poses of a camera, count. With fewer nothing is said about their axes. Chosen: medians over fewer
+would hang on one or two people in one moment."""
+
+CLOSEST_IMAGES_S = 1e-3
+"""Seconds. Images are taken no closer to each other: stamps that are, are not those of exposures.
+Derived: pose estimators run at 300 Hz at most."""
+
+SHORT_INTERVAL = 0.5
+"""Ratio to the mean period. Intervals below it are short, and within a bunch. Derived: jitter of a
+tenth of the period makes one of 5,000."""
+
+VERY_SHORT_INTERVAL = 0.25
+"""Ratio to the mean period. See `SOME_SHORT`. Derived: jitter of a sixth of the period makes one of
+1,000 intervals so short."""
+
+SOME_SHORT = 0.02
+"""Fraction of the intervals. With as many very short ones, stamps may come in bunches now and then,
+and the keypoints are asked. Chosen: a buffer that is held up once in 15 s, for ten images."""
+
+MANY_SHORT = 0.25
+"""Fraction of the intervals. Stamps with as many short ones come in bunches; if they cannot be made
+even, the camera is left out. Derived: bunches of two have 0.5; with fewer most stamps are right."""
+
+EVEN_RATIO = 0.7
+"""Ratio of the squared roughness of the motion of keypoints by even stamps over that by the stamps.
+Below it images were taken evenly. Measured: 0.18 to 0.36 for bunches of two and three, in simulated
+scenes and in benchmarks/data; 1.4 and more where images were lost in pauses of the camera."""
+
+UNEVEN_POSITION = 0.15
+"""Fraction of the time from the image before to that after. Images as near to the middle by their
+stamps do not show whether these are right. Chosen: a third of it for one lost image."""
+
+MOVING_QUANTILE = 0.75
+"""Quantile of the ways of keypoints. See `EVEN_RATIO`: only noise is seen of those who stand still.
+Chosen."""
+
+OVERLAP_MARGIN_S = 1.0
+"""Seconds. Images are near those of another camera within twice the range of offsets and this more:
+what a person is seen for at least. Chosen."""
+
+MAX_GRID_FACTOR = 50.0
+"""Ratio of the time from the first to the last image of all cameras over the time for which the
+camera with most images has them. With more, images that no other camera can share, and all
+but the fullest stretch, are left out. Chosen: two clips of 10 s that are 15 minutes apart have 46;
+time and memory of the association grow with it."""

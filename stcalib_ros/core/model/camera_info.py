@@ -17,7 +17,15 @@ _COEFFICIENTS = {
 }
 """How many coefficients D may have; none means no distortion."""
 
+_POLYNOMIALS = (LensModel.PLUMB_BOB, LensModel.RATIONAL_POLYNOMIAL)
+"""One model, in order of length: OpenCV's D goes on with k4, k5, k6, whatever a driver calls it."""
+
 _CALIBRATE = "calibrate its lens first (e.g. with camera_calibration)"
+
+
+def coefficient_counts(model: LensModel) -> tuple[int, ...]:
+    """Return how many distortion coefficients a lens model may have; none means no distortion."""
+    return _COEFFICIENTS[model]
 
 
 def intrinsics_from_camera_info(
@@ -132,19 +140,32 @@ def _lens(name: str, d: Sequence[float] | Float64Array) -> tuple[LensModel, Floa
     if not name and not coefficients.any():
         return LensModel.PLUMB_BOB, np.zeros(0)
     try:
-        model = LensModel(name)
+        named = LensModel(name)
     except ValueError:
         known = ", ".join(m.value for m in LensModel)
         raise InputError(
             f"unknown CameraInfo.distortion_model {name!r}: use one of {known}, "
             "or rectify the images and set rectified"
         ) from None
-    if coefficients.size not in (allowed := _COEFFICIENTS[model]):
-        counts = ", ".join(map(str, allowed))
-        raise InputError(
-            f"CameraInfo.D has {coefficients.size} coefficients: {name} takes {counts}"
-        )
-    return model, coefficients
+    models = (named, *_POLYNOMIALS) if named in _POLYNOMIALS else (named,)
+    for model in models:
+        if (fitting := _fitting(coefficients, _COEFFICIENTS[model])) is not None:
+            return model, fitting
+    counts = ", ".join(map(str, _COEFFICIENTS[named]))
+    raise InputError(
+        f"CameraInfo.D has {coefficients.size} coefficients: {name} takes {counts}, or more that "
+        "are zero"
+    )
+
+
+def _fitting(coefficients: Float64Array, counts: tuple[int, ...]) -> Float64Array | None:
+    """Coefficients in one of the numbers that a model takes, without zeros at the end if need be.
+
+    Drivers fill D up with zeros: plumb_bob with 8 coefficients of which 3 are zero.
+    """
+    n_needed = len(np.trim_zeros(coefficients, "b"))
+    possible = [n for n in counts if n_needed <= n <= coefficients.size]
+    return coefficients[: max(possible)] if possible else None
 
 
 def _rotation(r: Sequence[float] | Float64Array) -> Float64Array:

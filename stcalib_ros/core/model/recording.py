@@ -101,6 +101,9 @@ class CameraRecording:
     line_time_s : float
         Line delay of a rolling shutter: row v of an image is taken at
         ``stamp + line_time_s * v``; 0: all rows at once.
+    received : (N,) ndarray or None
+        Time at which a recorder received each image by the recorder's clock, which is one for all
+        cameras: seconds since `Recording.epoch_ns`; NaN where unknown, None where nothing is.
     """
 
     name: str
@@ -111,6 +114,7 @@ class CameraRecording:
     tracks: tuple[Track, ...]
     metric: bool = False
     line_time_s: float = 0.0
+    received: Float64Array | None = None
 
     @property
     def has_3d_poses(self) -> bool:
@@ -182,11 +186,12 @@ def keypoints_only(recording: Recording, cameras: Collection[str] | None = None)
     names = {camera.name for camera in recording.cameras} if cameras is None else set(cameras)
     return replace(
         recording,
-        cameras=tuple(_without_3d(c) if c.name in names else c for c in recording.cameras),
+        cameras=tuple(without_3d_poses(c) if c.name in names else c for c in recording.cameras),
     )
 
 
-def _without_3d(camera: CameraRecording) -> CameraRecording:
+def without_3d_poses(camera: CameraRecording) -> CameraRecording:
+    """Return a camera without its monocular 3D poses."""
     tracks = (replace(track, joints=unknown_joints(track.keypoints)) for track in camera.tracks)
     return replace(camera, tracks=tuple(tracks))
 
@@ -212,4 +217,9 @@ def _part(camera: CameraRecording, start_s: float, end_s: float) -> CameraRecord
                     scores=track.scores[a:b],
                 )
             )
-    return replace(camera, stamps=camera.stamps[first:last], tracks=tuple(tracks))
+    return replace(
+        camera,
+        stamps=camera.stamps[first:last],
+        tracks=tuple(tracks),
+        received=None if camera.received is None else camera.received[first:last],
+    )

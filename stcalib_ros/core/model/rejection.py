@@ -20,6 +20,8 @@ class RejectionReason(str, Enum):
     KEYPOINTS_NORMALISED = "KEYPOINTS_NORMALISED"
     KEYPOINTS_COINCIDE = "KEYPOINTS_COINCIDE"
     IDS_ARE_NO_TRACKS = "IDS_ARE_NO_TRACKS"
+    STAMPS_IN_BUNCHES = "STAMPS_IN_BUNCHES"
+    STAMPS_TOO_CLOSE = "STAMPS_TOO_CLOSE"
     CLOCK_EPOCH_DIFFERS = "CLOCK_EPOCH_DIFFERS"
     NO_TEMPORAL_OVERLAP = "NO_TEMPORAL_OVERLAP"
     NO_MOTION = "NO_MOTION"
@@ -29,6 +31,9 @@ class RejectionReason(str, Enum):
     NO_SHARED_OBSERVATIONS = "NO_SHARED_OBSERVATIONS"
     DISCONNECTED = "DISCONNECTED"
     UNMATCHED_OBSERVATIONS = "UNMATCHED_OBSERVATIONS"
+    # Faults of one camera that its residuals show
+    CLOCK_NOT_STEADY = "CLOCK_NOT_STEADY"
+    POSE_CHANGED = "POSE_CHANGED"
     # Checks of a camera
     TOO_FEW_INLIERS = "TOO_FEW_INLIERS"
     TOO_MANY_OUTLIERS = "TOO_MANY_OUTLIERS"
@@ -94,7 +99,7 @@ class Rejection:
 
 
 class RemarkCode(str, Enum):
-    """Code of a remark on a calibration that can be used."""
+    """Code of a remark on a calibration that can be used, or on its input."""
 
     LEAST_CONSTRAINED_CAMERA = "LEAST_CONSTRAINED_CAMERA"
     SHARE_MORE_VIEW = "SHARE_MORE_VIEW"
@@ -104,6 +109,15 @@ class RemarkCode(str, Enum):
     CLOCK_SKEW_NOT_OBSERVABLE = "CLOCK_SKEW_NOT_OBSERVABLE"
     VERIFIED_BY_LIMBS_ALONE = "VERIFIED_BY_LIMBS_ALONE"
     POSES_LEFT_OUT = "POSES_LEFT_OUT"
+    IDS_LINKED = "IDS_LINKED"
+    POSES_RESCALED = "POSES_RESCALED"
+    POSES_NOT_METRIC = "POSES_NOT_METRIC"
+    POSES_IN_OTHER_AXES = "POSES_IN_OTHER_AXES"
+    POSES_IN_OTHER_ORDER = "POSES_IN_OTHER_ORDER"
+    POSES_WITH_SIDES_EXCHANGED = "POSES_WITH_SIDES_EXCHANGED"
+    POSES_DO_NOT_PROJECT = "POSES_DO_NOT_PROJECT"
+    STAMPS_EVENED = "STAMPS_EVENED"
+    IMAGES_LEFT_OUT = "IMAGES_LEFT_OUT"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +130,11 @@ class Remark:
     cameras : tuple of str
     values : mapping of str to float
         Units are in the names.
+    detail : str
+        A word of the sentence that is no number, such as the name of a layout.
     """
 
     code: RemarkCode
     cameras: tuple[str, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict, hash=False)
+    detail: str = ""

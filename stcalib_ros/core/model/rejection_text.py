@@ -26,8 +26,19 @@ _SENTENCES = {
         "estimator's output"
     ),
     _R.IDS_ARE_NO_TRACKS: (
-        "its track ids are no tracks: {measured:.0%} of its poses go on from the image before "
-        "under the same id, {limit:.0%} are needed; switch tracking on in its pose estimator"
+        "its track ids are no tracks, and its poses cannot be linked by their places: "
+        "{measured:.0%} of them go on from the image before, {limit:.0%} are needed; switch "
+        "tracking on in its pose estimator, or record more images a second"
+    ),
+    _R.STAMPS_IN_BUNCHES: (
+        "its stamps come in bunches of up to {bunch:.0f}, {within_ms:.2g} ms apart where images "
+        "are {period_ms:.3g} ms apart, and images are lost: {measured:.0%} of its intervals are "
+        "too short, {limit:.0%} are the limit; stamp images when they are taken, not when they "
+        "arrive from a buffer"
+    ),
+    _R.STAMPS_TOO_CLOSE: (
+        "its images are {measured:.2g} s apart by their stamps, no camera takes them closer than "
+        "{limit:.2g} s: stamp them when they are taken, in seconds"
     ),
     _R.CLOCK_EPOCH_DIFFERS: (
         "its clock does not overlap with the others: {begin_s:.1f}..{end_s:.1f} s against "
@@ -62,6 +73,18 @@ _SENTENCES = {
     _R.UNMATCHED_OBSERVATIONS: (
         "hardly anything that it sees matches what is seen by {others}: check its intrinsics, and "
         "let people stay in view for longer"
+    ),
+    _R.CLOCK_NOT_STEADY: (
+        "its clock is not steady: from {begin_s:.1f} to {end_s:.1f} s after its first image, its "
+        "stamps are {measured_ms:.0f} ms off what they are else, {limit_ms:.0f} are the limit"
+        "{or_others}; clocks that are set while they record do that, and images that are lost and "
+        "numbered as if they were not: give the times of acquisition, or use a part of the "
+        "recording"
+    ),
+    _R.POSE_CHANGED: (
+        "it has moved: from {begin_s:.1f} to {end_s:.1f} s after its first image, it is turned by "
+        "{measured_deg:.1f} degrees against what it is else, {limit_deg:.1f} are the limit"
+        "{or_others}; fasten it, or use the part of the recording before or after"
     ),
     _R.TOO_FEW_INLIERS: (
         "only {measured:.0f} of its keypoints fit, {limit:.0f} are needed: have people walk where "
@@ -171,6 +194,49 @@ _REMARKS = {
         "{camera}: {n_left_out:.0f} of {n_poses:.0f} poses are left out, since all of their "
         "keypoints are at one place: check the pose estimator's output"
     ),
+    RemarkCode.IDS_LINKED: (
+        "{camera}: its track ids are no tracks ({continued:.0%} of its poses go on from the image "
+        "before under the same id, {limit:.0%} are needed): people were linked from image to image "
+        "by their keypoints, to {n_tracks:.0f} tracks; a tracker in its pose estimator does better"
+    ),
+    RemarkCode.POSES_RESCALED: (
+        "{camera}: people would be {height_m:.0f} m tall by its 3D poses, which are taken as "
+        "{detail}: convert them, or set metric to false"
+    ),
+    RemarkCode.POSES_NOT_METRIC: (
+        "{camera}: people would be {height_m:.2g} m tall by its 3D poses, which are not used as "
+        "metric: give them in metres, or set metric to false"
+    ),
+    RemarkCode.POSES_IN_OTHER_AXES: (
+        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
+        "are not used: they are {detail} (correlation {best:.2f}); x right, y down, z forward are "
+        "expected"
+    ),
+    RemarkCode.POSES_IN_OTHER_ORDER: (
+        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
+        "are not used: their joints are in the order of {detail} (correlation {best:.2f}); that "
+        "of its layout is expected"
+    ),
+    RemarkCode.POSES_WITH_SIDES_EXCHANGED: (
+        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
+        "are not used: left and right are exchanged between both (correlation {best:.2f} if that "
+        "is undone); check the names of its joints, and whether its image is mirrored"
+    ),
+    RemarkCode.POSES_DO_NOT_PROJECT: (
+        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
+        "are not used; no other axes or order of joints fit: check that both are of the same "
+        "person and image"
+    RemarkCode.STAMPS_EVENED: (
+        "the stamps of {camera} come in bunches of up to {bunch:.0f}, {within_ms:.2g} ms apart, "
+        "although its images were taken {period_ms:.3g} ms apart, as the motion in them shows: "
+        "even times are taken instead, and its time offset is that of its stamps on average; stamp "
+        "images when they are taken, not when they arrive"
+    ),
+    RemarkCode.IMAGES_LEFT_OUT: (
+        "{camera}: {n_left_out:.0f} of {n_images:.0f} images are left out: no other camera has "
+        "images near their stamps, or others are far away in time; its clock may have been set "
+        "in between"
+    ),
     RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
     RemarkCode.VERIFIED_BY_LIMBS_ALONE: (
         "no 3D poses verify {cameras}: only the lengths of people's limbs do, which vary by "
@@ -196,6 +262,7 @@ class _Values(dict[str, object]):
 
 def sentence(rejection: Rejection) -> str:
     """Return the sentence of a rejection, without the names of the cameras that it is about."""
+    others = ", ".join(rejection.others)
     return _SENTENCES[rejection.reason].format_map(
         _Values(
             rejection.values,
@@ -203,7 +270,10 @@ def sentence(rejection: Rejection) -> str:
             limit=rejection.limit,
             measured_deg=math.degrees(rejection.measured),
             limit_deg=math.degrees(rejection.limit),
-            others=", ".join(rejection.others),
+            measured_ms=1e3 * rejection.measured,
+            limit_ms=1e3 * rejection.limit,
+            or_others=f" (or it is {others})" if others else "",
+            others=others,
             detail=rejection.detail,
         )
     )
@@ -226,7 +296,12 @@ def remark_sentence(remark: Remark) -> str:
     camera, partner = (*remark.cameras, "", "")[:2]
     ends = [end for name, end in _ADDITIONS.items() if name in remark.values]
     text = "".join([_REMARKS[remark.code], *ends])
-    names = {"camera": camera, "partner": partner, "cameras": ", ".join(remark.cameras)}
+    names = {
+        "camera": camera,
+        "partner": partner,
+        "cameras": ", ".join(remark.cameras),
+        "detail": remark.detail,
+    }
     return text.format_map(_Values(remark.values, **names))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,9 @@ from typing import Any
 from stcalib_ros.core.errors import InputError
 
 Ends = tuple[tuple[float, float], tuple[float, float]]
+
+MAX_METRES = 1e6
+"""Metres. A longer distance is none between cameras that see the same people. Chosen."""
 
 _KEYS = ("metres", "sigma_m", "cameras", "points")
 
@@ -32,10 +36,10 @@ class Distance:
     points: Mapping[str, Ends] | None = None
 
     def __post_init__(self) -> None:
-        if not (self.metres > 0 and 0 < self.sigma_m < self.metres):
+        if not (0 < self.sigma_m < self.metres <= MAX_METRES):
             raise InputError(
-                "scale.distances: metres must be above 0 and sigma_m between 0 and metres, got "
-                f"{self.metres} and {self.sigma_m}"
+                f"scale.distances: metres must be above 0 and at most {MAX_METRES:.0f}, and "
+                f"sigma_m between 0 and metres, got {self.metres} and {self.sigma_m}"
             )
         given = len(self.points or ())
         if (len(set(self.cameras)) != 2 or given) and (self.cameras or given < 2):
@@ -83,7 +87,7 @@ def _distance(entry: Any, where: str) -> Distance:
             tuple(str(name) for name in entry.get("cameras", ())),
             {str(name): _ends(ends) for name, ends in entry.get("points", {}).items()},
         )
-    except (TypeError, ValueError, AttributeError):
+    except (TypeError, ValueError, OverflowError, AttributeError):
         raise InputError(
             f"{where}: points are two pixels by camera, {{cam0: [[u, v], [u, v]], ...}}, got "
             f"{entry!r}"
@@ -92,4 +96,7 @@ def _distance(entry: Any, where: str) -> Distance:
 
 def _ends(ends: Any) -> Ends:
     (u0, v0), (u1, v1) = ends
-    return (float(u0), float(v0)), (float(u1), float(v1))
+    pixels = (float(u0), float(v0)), (float(u1), float(v1))
+    if not all(math.isfinite(number) for pixel in pixels for number in pixel):
+        raise ValueError
+    return pixels

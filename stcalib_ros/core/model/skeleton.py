@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ _SIDES = ("left", "right")
 _MIN_DIRECTIONS = 4
 """Count. Layouts with fewer bones and body lines in common are refused: they do not determine the
 rotation of a body. Chosen."""
+ADULT_HEIGHT_M = 1.72
+"""Metres. Height of the adult whose limbs are the measure of all sizes. Chosen."""
 _ADULT_LENGTHS = {
     f"{side}_{bone.replace(' ', f' {side}_')}": length
     for side in _SIDES
@@ -78,8 +81,28 @@ def common_skeleton(recording: Recording) -> Skeleton:
         np.array([one.index(name) for name in layout.joint_names], dtype=np.int64)
         for one in layouts
     )
-    lengths = np.array([_ADULT_LENGTHS.get(name, np.nan) for name in names])
-    return Skeleton(layout, columns, directions, lengths)
+    return Skeleton(layout, columns, directions, _adult_lengths(names))
+
+
+def body_bones(layout: Layout) -> tuple[Float64Array, Float64Array]:
+    """Return the bone vectors (D, J) of a layout, and their lengths (D,) in an adult.
+
+    They are those of a `Skeleton` of this layout alone.
+    """
+    directions, names = bone_vectors(layout)
+    return directions, _adult_lengths(names)
+
+
+def _adult_lengths(names: Sequence[str]) -> Float64Array:
+    return np.array([_ADULT_LENGTHS.get(name, np.nan) for name in names])
+
+
+def mirrored_joints(layout: Layout) -> IntArray:
+    """Return the index (J,) of the joint of the other side; of joints without a side their own."""
+    names = layout.joint_names
+    other = {"left": "right", "right": "left"}
+    opposite = ["_".join(other.get(word, word) for word in name.split("_")) for name in names]
+    return np.array([names.index(o) if o in names else j for j, o in enumerate(opposite)])
 
 
 def bone_vectors(layout: Layout) -> tuple[Float64Array, tuple[str, ...]]:

@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.lens import bearings, project
 from stcalib_ros.core.integration.association import SLOT_SAMPLES, Association, associate
+from stcalib_ros.core.lifting.input_screening import readable_input
 from stcalib_ros.core.lifting.lift import lift_recording
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
@@ -120,7 +121,8 @@ def associate_span(
         None if fewer than two of the calibration's cameras have images.
     """
     known = {camera.name: camera for camera in calibration.cameras}
-    present = [camera for camera in recording.cameras if camera.name in known]
+    readable = readable_input(recording, min_score=min_score)
+    present = [camera for camera in readable.cameras if camera.name in known]
     cameras = tuple(_thinned(camera) for camera in present if len(camera.stamps))
     if len(cameras) < 2:
         return None

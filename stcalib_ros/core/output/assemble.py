@@ -19,7 +19,7 @@ from stcalib_ros.core.model.calibration import (
 )
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.core.model.rejection import Rejection
+from stcalib_ros.core.model.rejection import Rejection, Remark
 from stcalib_ros.core.model.rejection_text import labelled, remark_sentence
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.output.world_frame import WorldAlignment
@@ -60,11 +60,11 @@ def make_calibration(
     """
     rig, obs = last.rig, last.observations
     order = np.argsort(rig.cameras, kind="stable")
-    covariance = _published(placement.covariance_of(rig, covariance), order, last)
+    since_s = _epoch_since_s(cameras, last)
+    covariance = _published(placement.covariance_of(rig, covariance), order, last, since_s)
     errors = errors_px(obs, last.state)
     inliers = errors[last.state.inlier & np.isfinite(errors)]
     names = [recording.cameras[c].name for c in rig.cameras[order]]
-    epoch = recording.epoch_ns * 1e-9
     return Calibration(
         status=judgement.status,
         message=_summary(judgement, uncalibrated, calibrated=len(names)),
@@ -72,9 +72,9 @@ def make_calibration(
         remarks=judgement.remarks,
         reference=recording.cameras[rig.cameras[0]].name,
         metric=placement.metric,
-        epoch_s=epoch,
-        window_s=_window(cameras, last, epoch),
-        cameras=_cameras(recording, last, order, placement, covariance),
+        epoch_s=recording.epoch_ns * 1e-9 + since_s,
+        window_s=_window(cameras, last, recording.epoch_ns * 1e-9),
+        cameras=_cameras(recording, last, order, placement, covariance, since_s),
         uncalibrated=tuple(uncalibrated),
         persons=tuple(person for _, person in found_persons(cameras, last)),
         pairs=pair_residuals(cameras, skeleton, last),
@@ -88,12 +88,23 @@ def make_calibration(
     )
 
 
-def _published(covariance: Float64Array, order: IntArray, last: Iteration) -> Float64Array:
+def _epoch_since_s(cameras: Sequence[LiftedCamera], last: Iteration) -> float:
+    """Time at which offsets are published, whole seconds since the zero of the stamps.
+
+    Just before the first image of a calibrated camera: a camera that was left out may have stamps
+    of another epoch, decades away, to where no skew can be extrapolated.
+    """
+    return float(np.floor(min(cameras[c].stamps[0] for c in last.rig.cameras)))
+
+
+def _published(
+    covariance: Float64Array, order: IntArray, last: Iteration, since_s: float
+) -> Float64Array:
     """Order the covariance (7 C, 7 C) by camera; time offsets are those at the epoch."""
     rows = rows_of(order).ravel()
     covariance = covariance[np.ix_(rows, rows)]
     offsets = rows_of(np.arange(len(order)))[:, OFFSET_ROW]
-    covariance[offsets, offsets] += [_clock(last, int(c)).added_variance for c in order]
+    covariance[offsets, offsets] += [_clock(last, int(c), since_s).added_variance for c in order]
     return covariance
 
 
@@ -103,10 +114,14 @@ def _cameras(
     order: IntArray,
     placement: WorldAlignment,
     covariance: Float64Array,
+    since_s: float,
 ) -> tuple[CameraCalibration, ...]:
     """Return the cameras in the order of the recording, with their own blocks of the covariance."""
     return tuple(
-        _camera(recording, last, int(c), placement, covariance[block, block], _clock(last, int(c)))
+        _camera(
+            *(recording, last, int(c), placement),
+            *(covariance[block, block], _clock(last, int(c), since_s)),
+        )
         for c, block in zip(order, _blocks(len(order)), strict=True)
     )
 
@@ -115,14 +130,12 @@ def _blocks(n: int) -> list[slice]:
     return [slice(len(PARAMETERS) * i, len(PARAMETERS) * (i + 1)) for i in range(n)]
 
 
-def _window(
-    cameras: Sequence[LiftedCamera], last: Iteration, epoch_s: float
-) -> tuple[float, float]:
+def _window(cameras: Sequence[LiftedCamera], last: Iteration, zero_s: float) -> tuple[float, float]:
     """First and last image, seconds by the reference clock."""
     rig = last.rig
     begin = [cameras[c].stamps[0] + d for c, d in zip(rig.cameras, rig.offset_s, strict=True)]
     end = [cameras[c].stamps[-1] + d for c, d in zip(rig.cameras, rig.offset_s, strict=True)]
-    return epoch_s + float(min(begin)), epoch_s + float(max(end))
+    return zero_s + float(min(begin)), zero_s + float(max(end))
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,14 +148,14 @@ class _Clock:
     added_variance: float = 0.0
 
 
-def _clock(last: Iteration, i: int) -> _Clock:
+def _clock(last: Iteration, i: int, since_s: float) -> _Clock:
     offset, rates = float(last.rig.offset_s[i]), last.clock_skews
     if last.line_delays is not None:
         offset += float(last.line_delays.first_row_s[i])
     if rates is None:
         return _Clock(offset)
     skew, stddev = float(rates.skew[i]), float(rates.stddev[i])
-    to_epoch = offset - rates.middle_s
+    to_epoch = since_s + offset - rates.middle_s
     added = 0.0 if skew == 0.0 else (to_epoch * stddev) ** 2
     return _Clock(offset + skew * to_epoch, skew, stddev, added)
 
@@ -177,6 +190,7 @@ def failed_calibration(
     status: Status,
     rejections: tuple[Rejection, ...],
     uncalibrated: Sequence[UncalibratedCamera] = (),
+    remarks: tuple[Remark, ...] = (),
 ) -> Calibration:
     """Return a calibration without cameras, with the reasons.
 
@@ -186,14 +200,17 @@ def failed_calibration(
     status : Status
     rejections : tuple of Rejection
     uncalibrated : sequence of UncalibratedCamera
+    remarks : tuple of Remark
+        On the input.
     """
     stamps = [s for c in recording.cameras for s in (c.stamps[:1], c.stamps[-1:]) if len(s)]
     epoch = recording.epoch_ns * 1e-9
     times = np.concatenate(stamps) if stamps else np.zeros(1)
     return Calibration(
         status=status,
-        message=_summary(Judgement(status, rejections), uncalibrated),
+        message=_summary(Judgement(status, rejections, remarks), uncalibrated),
         rejections=rejections,
+        remarks=remarks,
         reference=recording.cameras[0].name if recording.cameras else "",
         metric=False,
         epoch_s=epoch,
@@ -219,9 +236,11 @@ def _summary(
     total = calibrated + len(uncalibrated)
     good = judgement.status is Status.OK
     parts = [f"{calibrated} of {total} cameras calibrated"] if good else []
-    parts += map(remark_sentence, judgement.remarks)
+    remarks = [remark_sentence(remark) for remark in judgement.remarks]
+    parts += remarks if good else []
     rejections = judgement.rejections
     whole = not all(rejection.cameras for rejection in rejections[:1])
     parts += [labelled(one) for one in rejections if not (whole and one.cameras)]
     parts += [f"{camera.name}: {camera.reason}" for camera in uncalibrated]
+    parts += [] if good else remarks
     return "; ".join(parts)

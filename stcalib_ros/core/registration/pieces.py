@@ -18,6 +18,7 @@ from stcalib_ros.core.geometry.robust import median_of_known
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
+from stcalib_ros.core.model.skeleton import mirrored_joints
 from stcalib_ros.core.registration.limits import (
     JUMP_FACTOR,
     JUMP_FRACTION,
@@ -119,14 +120,6 @@ def longest(pieces: Pieces) -> Pieces:
     kept = np.sort(order[: max(1, n)])
     camera = replace(pieces.camera, tracks=tuple(tracks[k] for k in kept))
     return Pieces(camera, tuple(pieces.parts[k] for k in kept))
-
-
-def mirrored_joints(layout: Layout) -> IntArray:
-    """Return the index (J,) of the joint of the other side; of joints without a side their own."""
-    names = layout.joint_names
-    other = {"left": "right", "right": "left"}
-    opposite = ["_".join(other.get(word, word) for word in name.split("_")) for name in names]
-    return np.array([names.index(o) if o in names else j for j, o in enumerate(opposite)])
 
 
 def _between_jumps(track: LiftedTrack, times: Float64Array) -> Iterator[LiftedTrack]:

@@ -253,3 +253,32 @@ refusals and chooses advice. Chosen by judgement: more than a walking person swa
 LITTLE_SHARED_MOTION = 0.6
 """Ratio. A camera that shares less than so much of the median shared time of the others is advised
 to share more. Nothing is refused by it. Chosen by judgement."""
+
+MIN_CHANGE_SIGNIFICANCE = 60.0
+"""Squared difference over its variance from which on a camera counts as changed within a recording.
+Measured with `LEAST_SCATTER`: up to 20 on simulated scenes with keypoint bias, up to 12 on real
+recordings that are calibrated well, 55 on one that is not ("desk"); 79 and more of clocks that
+change by 40 ms, of cameras that turn by 2 degrees, at any time, and of 3 % of lost images."""
+
+MIN_CLOCK_CHANGE_S = 0.015
+"""Seconds. A clock whose offset changes by less within a recording counts as steady: half a frame
+at 30 Hz. Cameras beside one that changes by 40 to 100 ms are off by up to 13 ms themselves."""
+
+MIN_ROTATION_CHANGE = 0.0175
+"""Radians, one degree. A camera that turns by less within a recording counts as steady. With a
+keypoint bias of 20 mm, cameras appear to turn by up to 0.9 degrees while people are at one side."""
+
+LEAST_SCATTER = 4.0
+"""Ratio of variances. Changes scatter at least by so much more than if the errors of all keypoints
+were independent. From window to window 0.1 to 1 is measured on simulated scenes without keypoint
+bias, and 1 to 14 with it and on real recordings; it is less than over longer times, since people
+stay where they are and keep the bias."""
+
+MIN_STEADINESS_WINDOWS = 5
+"""Windows, count. A camera is tested for changes within a recording from so many on: with fewer,
+nothing is known of the scatter. Derived: three samples are compared with their neighbours."""
+
+MAX_EVIDENCE_LEFT = 0.1
+"""Ratio. The change of a camera explains the residuals of all if undoing it leaves less than this
+of the largest evidence for a change. Measured with three cameras: 0.001 to 0.02 where the right one
+is undone, 0.15 to 0.75 where another is."""

@@ -8,11 +8,21 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from stcalib_ros.io.cdr import CdrReader
+from stcalib_ros.io.limits import MAX_PADDING_BYTES
 from stcalib_ros.io.message_types.camera_info import CAMERA_INFO
 from stcalib_ros.io.message_types.message_type import Content, MessageType
 from stcalib_ros.io.message_types.person_poses import PERSON_POSES
 
-__all__ = ["CAMERA_INFO", "PERSON_POSES", "TYPES", "Content", "MessageType", "decode", "types_of"]
+__all__ = [
+    "CAMERA_INFO",
+    "PERSON_POSES",
+    "TYPES",
+    "Content",
+    "MessageType",
+    "decode",
+    "decode_whole",
+    "types_of",
+]
 
 TYPES = {known.name: known for known in (PERSON_POSES, CAMERA_INFO)}
 """Message types by name."""
@@ -44,3 +54,16 @@ def decode(type_name: str, data: bytes) -> SimpleNamespace:
         The data are not plain CDR, or end before the message does.
     """
     return TYPES[type_name].decode(CdrReader(data))
+
+
+def decode_whole(type_name: str, data: bytes) -> SimpleNamespace:
+    """Decode a message that the definition has to account for to its last byte.
+
+    Parameters and errors are those of `decode`. A message of another definition has bytes left, or
+    too few, unless its fields have the same lengths.
+    """
+    cdr = CdrReader(data)
+    message = TYPES[type_name].decode(cdr)
+    if not 0 <= cdr.left <= MAX_PADDING_BYTES:
+        raise ValueError(f"{cdr.left} bytes are left: it was written with another definition")
+    return message

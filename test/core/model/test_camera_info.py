@@ -132,7 +132,7 @@ def test_the_record_does_not_share_memory_with_the_message():
         ({"d": [float("inf")] * 5}, "D is not finite"),
         ({"d": [0.1] * 3}, "D has 3 coefficients: plumb_bob takes 0, 4, 5"),
         (
-            {"distortion_model": "equidistant", "d": [0.0] * 5},
+            {"distortion_model": "equidistant", "d": [0.1] * 5},
             "D has 5 coefficients: equidistant takes 0, 4",
         ),
         ({"distortion_model": "kannala"}, "'kannala': use one of plumb_bob, rational_polynomial"),
@@ -146,3 +146,28 @@ def test_what_cannot_be_used_is_said(changes, says):
     with pytest.raises(InputError, match=says) as caught:
         intrinsics_from_camera_info(**camera_info(**changes))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("model", "d", "taken", "coefficients"),
+    [
+        ("plumb_bob", [0.0] * 8, LensModel.PLUMB_BOB, [0.0] * 5),
+        ("plumb_bob", [0.1, -0.2, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0], LensModel.PLUMB_BOB, None),
+        ("plumb_bob", [0.1, -0.2, 0.0, 0.0, 0.05, 0.0], LensModel.PLUMB_BOB, None),
+        ("plumb_bob", [0.1] * 8, LensModel.RATIONAL_POLYNOMIAL, [0.1] * 8),
+        ("plumb_bob", [0.1] * 6 + [0.0] * 6, LensModel.RATIONAL_POLYNOMIAL, None),
+        ("equidistant", [0.1, 0.0, 0.0, 0.0, 0.0], LensModel.EQUIDISTANT, [0.1, 0.0, 0.0, 0.0]),
+        ("rational_polynomial", [0.1, 0.2, 0.0, 0.0, 0.0], LensModel.PLUMB_BOB, None),
+    ],
+)
+def test_zeros_at_the_end_of_d_do_not_matter(
+    model: str, d: list[float], taken: LensModel, coefficients: list[float] | None
+) -> None:
+    """OpenCV goes on from k3 with k4, k5, k6: with zeros there, the lens is the same."""
+    lens = intrinsics_from_camera_info(**camera_info(distortion_model=model, d=d))
+    assert lens.model is taken
+    if coefficients is not None:
+        assert lens.D.tolist() == coefficients
+    expected = np.zeros(14)
+    expected[: len(d)] = d
+    np.testing.assert_array_equal(np.pad(lens.D, (0, 14 - len(lens.D))), expected)

@@ -1,5 +1,7 @@
 """Parts of recordings in time."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,13 @@ def test_offsets_move_the_borders(small_scene):
     part = excerpt(small_scene.recording, 1.0, 2.0, offsets_s={"cam1": 0.5})
     assert part.cameras[0].stamps[0] == pytest.approx(1.0)
     assert part.cameras[1].stamps[0] == pytest.approx(0.5)
+
+
+def test_times_of_receipt_stay_with_their_images(small_scene):
+    camera = small_scene.recording.cameras[0]
+    recorded = replace(camera, received=camera.stamps + 0.02)
+    part = excerpt(replace(small_scene.recording, cameras=(recorded,)), 1.0, 2.0).cameras[0]
+    np.testing.assert_array_equal(part.received, part.stamps + 0.02)
 
 
 def known(recording):

@@ -17,6 +17,7 @@ from stcalib_ros.core.model.rejection_text import (
 )
 
 R = RejectionReason
+BUNCHES = {"bunch": 3.0, "within_ms": 0.5, "period_ms": 33.3}
 SPANS = {"begin_s": 3600.0, "end_s": 3602.0, "others_begin_s": 0.0, "others_end_s": 2.0}
 REJECTIONS = (
     (Rejection(R.TOO_FEW_CAMERAS, (), 1.0, 2.0), "^1 of the cameras can be compared, 2 are needed"),
@@ -28,7 +29,13 @@ REJECTIONS = (
         ),
         "normalised: they lie between 0.02 and 1, .* 1280 x 720 .*; multiply those of 0..1 by",
     ),
+    (Rejection(R.IDS_ARE_NO_TRACKS, (), 0.33, 0.7), "33% of them go on .*, 70% .* tracking on"),
     (Rejection(R.IDS_ARE_NO_TRACKS, (), 0.33, 0.7), "33% of its poses .*, 70% .* tracking on"),
+    (
+        Rejection(R.STAMPS_IN_BUNCHES, (), 0.5, 0.25, values=BUNCHES),
+        "bunches of up to 3, 0.5 ms apart where images are 33.3 ms apart, .*: 50% .*, 25% are the",
+    ),
+    (Rejection(R.STAMPS_TOO_CLOSE, (), 1e-6, 1e-3, "s"), "are 1e-06 s apart .* than 0.001 s"),
     (Rejection(R.KEYPOINTS_COINCIDE, (), 0.5, 1.0, "px"), "at one place, within 0.5 px: check"),
     (
         Rejection(R.CLOCK_EPOCH_DIFFERS, (), 3598.0, 1.0, "s", (), SPANS),
@@ -59,6 +66,17 @@ REJECTIONS = (
     (
         Rejection(R.ROTATION_UNCERTAIN, (), 0.05, 0.015),
         "by 2.9 degrees, 0.9 are the limit: .*; let",
+    ),
+    (
+        Rejection(R.CLOCK_NOT_STEADY, (), 0.1, 0.015, "s", values={"begin_s": 15.0, "end_s": 30.0}),
+        "from 15.0 to 30.0 s after its first .* 100 ms off .* else, 15 are the limit; clocks",
+    ),
+    (
+        Rejection(
+            *(R.POSE_CHANGED, (), 0.0873, 0.0087, "rad", ("b",)),
+            values={"begin_s": 7.0, "end_s": 10.0},
+        ),
+        r"from 7.0 to 10.0 s .* by 5.0 degrees .*, 0.5 are the limit \(or it is b\); fasten it",
     ),
     (Rejection(R.POSITION_UNCERTAIN, (), 0.2, 0.1), "by 20% of its distance .*, 10% are .*: let"),
     (
@@ -97,6 +115,7 @@ LEAST = {"rotation_stddev_deg": 0.1146, "position_stddev_percent": 5.0}
 SHARED = {"shared_s": 2.0, "usual_s": 8.0, "common_s": 1.0}
 SKEWS = {"length_s": 3.0, "stddev_ppm": 80.0, "limit_ppm": 10.0, "enough_s": 12.0}
 C = RemarkCode
+PROJECTION = {"given": 0.21, "best": 0.99}
 REMARKS = (
     (Remark(C.LEAST_CONSTRAINED_CAMERA, ("a",), LEAST), "is a: rotation to 0.11 .* to 5 % of .*e$"),
     (
@@ -115,11 +134,47 @@ REMARKS = (
         "^no 3D poses verify a, b: only the lengths .*, which vary by 3.2 %$",
     ),
     (
+        Remark(C.STAMPS_EVENED, ("a",), BUNCHES),
+        "^the stamps of a come in bunches of up to 3, 0.5 ms apart, .* taken 33.3 ms apart",
+    ),
+    (
+        Remark(C.IMAGES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_images": 300}),
+        "^a: 12 of 300 images are left out",
+    ),
+    (
         Remark(C.POSES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_poses": 300}),
         "^a: 12 of 300 poses are left out, .* at one place: check",
     ),
     (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), {"length_s": 3.0}), "not observable in 3 s$"),
     (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), SKEWS), "in 3 s: .* to 80 ppm, 10 are .* about 12 s$"),
+    (
+        Remark(C.IDS_LINKED, ("a",), {"continued": 0.4, "limit": 0.7, "n_tracks": 5}),
+        r"^a: .* no tracks \(40% .*, 70% are needed\): .* to 5 tracks; a tracker",
+    ),
+    (
+        Remark(C.POSES_RESCALED, ("a",), {"height_m": 1720.0}, "millimetres"),
+        "^a: people would be 1720 m tall .* taken as millimetres: convert",
+    ),
+    (
+        Remark(C.POSES_NOT_METRIC, ("a",), {"height_m": 0.86}),
+        "^a: people would be 0.86 m tall .*: give them in metres",
+    ),
+    (
+        Remark(C.POSES_IN_OTHER_AXES, ("a",), PROJECTION, "x left, y up, z forward"),
+        r"^a: .*\(correlation 0.21\) .*: they are x left, y up, z forward \(.* 0.99\); x r",
+    ),
+    (
+        Remark(C.POSES_IN_OTHER_ORDER, ("a",), PROJECTION, "coco_17"),
+        r"^a: .* in the order of coco_17 \(correlation 0.99\)",
+    ),
+    (
+        Remark(C.POSES_WITH_SIDES_EXCHANGED, ("a",), PROJECTION),
+        r"^a: .* left and right are exchanged between both \(correlation 0.99 .*; check",
+    ),
+    (
+        Remark(C.POSES_DO_NOT_PROJECT, ("a",), PROJECTION),
+        r"^a: its 3D poses do not project .*\(correlation 0.21\) .*: check that both",
+    ),
 )
 
 

@@ -117,6 +117,25 @@ def test_times_are_since_the_epoch_of_unix(result, small_scene):
     )
 
 
+def test_a_camera_of_another_epoch_does_not_move_that_of_the_others(small_scene):
+    """As if it stamped with the time since boot: decades before the others."""
+    cameras = small_scene.recording.cameras
+    later = replace(
+        small_scene.recording,
+        cameras=(
+            *(replace(c, stamps=c.stamps + 1.7599e9) for c in cameras[:2]),
+            replace(cameras[2], stamps=cameras[2].stamps + 100.0),
+        ),
+    )
+    found = run_stages(later, HALF_SECOND).calibration
+    alone = run_stages(replace(small_scene.recording, cameras=cameras[:2]), HALF_SECOND).calibration
+    assert [one.name for one in found.uncalibrated] == ["cam2"]
+    assert found.epoch_s - alone.epoch_s == pytest.approx(1.7599e9)
+    for mine, its in zip(found.cameras, alone.cameras, strict=True):
+        assert mine.time_offset_s == pytest.approx(its.time_offset_s, abs=1e-5)
+        assert mine.time_offset_stddev_s == pytest.approx(its.time_offset_stddev_s, rel=0.01)
+
+
 def test_persons_are_numbered_and_have_their_tracks(result, small_scene):
     assert [p.person_id for p in result.persons] == [0, 1]
     for person in result.persons:

@@ -11,13 +11,13 @@ from epipolar_helpers import camera_of, track_of
 
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.lifted import LiftedTrack
+from stcalib_ros.core.model.skeleton import mirrored_joints
 from stcalib_ros.core.registration.limits import MAX_GAP_S, MAX_PIECE_FRAMES, MAX_PIECES
 from stcalib_ros.core.registration.pieces import (
     Pieces,
     TrackPart,
     cut_tracks,
     longest,
-    mirrored_joints,
     whole_tracks,
 )
 from stcalib_ros.core.synthetic import simulate

@@ -1,0 +1,181 @@
+"""What a calibration says of a case, compared with what is true."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.accuracy.scenarios import SUCCESS
+from benchmarks.field.case import Answer, Case
+from stcalib_ros.core.evaluation.metrics import evaluate
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
+
+MAX_OFFSET_FRAMES = 0.5
+"""Frames. A corrected stamp that is further from the true time than this is wrong. From the
+project's requirements, like the bounds of rotation and position in `SUCCESS`."""
+MAX_SCALE_ERROR = 0.2
+"""Fraction. A unit that is called metres and is off by more is wrong: four times the standard
+deviation of the size of an adult. Derived."""
+MAX_DEVIATIONS = 6.0
+"""Standard deviations. An error beyond them, and beyond `MIN_ROTATION`, is not what was said.
+Chosen: six do not occur by chance in some hundred cases."""
+MIN_ROTATION = 0.002
+"""Radians. A smaller error is no matter, however small the deviation that was said. Chosen: a tenth
+of what is wrong by `SUCCESS`."""
+MIN_TIMED = 0.97
+"""Fraction of the images of a camera whose corrected stamps have to be right: single stamps that
+jitter are not the clock's error. Chosen."""
+MIN_SIDE = 0.3
+"""Fraction of the images of a camera whose stamps are right, of a calibration that says that it
+holds for one side of a change only. Chosen: changes of the cases are in the middle half."""
+
+INPUT_ERROR = "INPUT_ERROR"
+"""Code of a recording that was refused while it was read."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Answer of a calibration, with its largest errors.
+
+    Attributes
+    ----------
+    answer : Answer
+    rotation_rad : float
+        Largest error of a rotation against the best of the truths, NaN without a result.
+    position : float
+        The same of a position, over the first true baseline.
+    deviations : float
+        Largest error of a rotation over the largest standard deviation that was said.
+    worst_ms : float
+        Largest error of a corrected stamp.
+    scale : float
+        Length of the result over the true one; NaN where the unit is not called metres.
+    said : str
+        What was said, in a line.
+    """
+
+    answer: Answer
+    rotation_rad: float = float("nan")
+    position: float = float("nan")
+    deviations: float = float("nan")
+    worst_ms: float = float("nan")
+    scale: float = float("nan")
+    said: str = ""
+
+
+def judge(case: Case, found: Calibration) -> Finding:
+    """Compare a calibration with the truth.
+
+    Parameters
+    ----------
+    case : Case
+    found : Calibration
+
+    Returns
+    -------
+    Finding
+        ``WRONG`` only for a calibration that may be used, and is not what it says.
+    """
+    named = _named(found)
+    said = f"{found.status.name}: {', '.join(sorted(_codes(found)))}"
+    is_named = bool(case.faulty & named) or not case.faulty
+    if found.status is not Status.OK:
+        everything = any(not rejection.cameras for rejection in found.rejections)
+        return Finding(Answer.REFUSED if is_named or everything else Answer.UNNAMED, said=f"{said}")
+    errors = min((_pose_errors(found, truth) for truth in case.truths), key=lambda e: e[0])
+    clocks = {c.name: _stamp_errors(case, found, c) for c in found.cameras}
+    frames = {name: np.abs(e) / _period(case, name) for name, e in clocks.items()}
+    scale = _scale(found, case.truths[0]) if case.metres_known and found.metric else float("nan")
+    answer = _answer(case, found, errors, frames, scale, is_named=is_named)
+    worst_ms = 1e3 * max(float(np.abs(e).max()) for e in clocks.values())
+    return Finding(answer, *errors, worst_ms, scale, said)
+
+
+def _answer(
+    case: Case,
+    found: Calibration,
+    errors: tuple[float, float, float],
+    frames: dict[str, Float64Array],
+    scale: float,
+    *,
+    is_named: bool,
+) -> Answer:
+    rotation, position, deviations = errors
+    posed = rotation <= SUCCESS["E_R"] and not position > SUCCESS["E_t"]
+    honest = deviations <= MAX_DEVIATIONS or rotation <= MIN_ROTATION
+    sized = not abs(np.log(scale)) > np.log1p(MAX_SCALE_ERROR)
+    right = {name: float((off <= MAX_OFFSET_FRAMES).mean()) for name, off in frames.items()}
+    timed = all(share >= MIN_TIMED for share in right.values())
+    missing = {camera.name for camera in case.recording.cameras} - frames.keys()
+    if posed and honest and sized and timed:
+        if not missing:
+            moved = len(case.truths) > 1
+            return (Answer.ONE_SIDE if is_named else Answer.WRONG) if moved else Answer.GOOD
+        return Answer.LEFT_OUT if missing <= case.faulty and is_named else Answer.UNNAMED
+    one_side = all(
+        share >= (MIN_SIDE if name in case.faulty else MIN_TIMED) for name, share in right.items()
+    )
+    said_so = is_named and bool(case.faulty & {n for r in found.remarks for n in r.cameras})
+    if posed and honest and sized and one_side and said_so:
+        return Answer.ONE_SIDE
+    return Answer.WRONG
+
+
+def _codes(found: Calibration) -> set[str]:
+    remarks = (remark.code.value for remark in found.remarks if remark.cameras)
+    return {rejection.reason.value for rejection in found.reasons} | set(remarks)
+
+
+def _named(found: Calibration) -> set[str]:
+    """Return the cameras that any reason or remark names, usual remarks aside."""
+    usual = {"LEAST_CONSTRAINED_CAMERA", "SHARE_MORE_VIEW", "MOVE_FASTER"}
+    reasons = {name for rejection in found.reasons for name in rejection.cameras}
+    remarks = [remark for remark in found.remarks if remark.code.value not in usual]
+    return reasons | {name for remark in remarks for name in remark.cameras}
+
+
+def _pose_errors(found: Calibration, truth: Calibration) -> tuple[float, float, float]:
+    """Largest rotation error, rad; position error; rotation error in standard deviations."""
+    errors = evaluate(found, truth, fps=1.0)
+    by_name = {camera.name: camera for camera in found.cameras}
+    deviations = 0.0
+    for one in errors.cameras:
+        said = np.linalg.eigvalsh(by_name[one.name].covariance[3:, 3:])[-1]
+        if one.rotation_rad > MIN_ROTATION:
+            deviations = max(deviations, one.rotation_rad / max(float(np.sqrt(said)), 1e-9))
+    rotation = max((one.rotation_rad for one in errors.cameras), default=0.0)
+    position = max((one.translation for one in errors.cameras), default=0.0)
+    return rotation, position, deviations
+
+
+def _stamp_errors(case: Case, found: Calibration, camera: CameraCalibration) -> Float64Array:
+    """Errors (N,) of the corrected stamps of a camera against the reference of the result, s."""
+    own = _clock_error(case, found, camera)
+    reference = next((c for c in found.cameras if c.name == found.reference), camera)
+    of_reference = _clock_error(case, found, reference)
+    times = case.times_s[camera.name]
+    return np.asarray(own - np.interp(times, case.times_s[reference.name], of_reference))
+
+
+def _clock_error(case: Case, found: Calibration, camera: CameraCalibration) -> Float64Array:
+    stamps = case.camera(camera.name).stamps
+    since = stamps + (case.recording.epoch_ns * 1e-9 - found.epoch_s)
+    corrected = stamps + camera.time_offset_s + camera.clock_skew * since
+    return np.asarray(corrected - case.times_s[camera.name])
+
+
+def _period(case: Case, name: str) -> float:
+    return float(np.median(np.diff(case.times_s[name])))
+
+
+def _scale(found: Calibration, truth: Calibration) -> float:
+    """Lengths of the result over the true ones."""
+    true = {camera.name: camera.t_ref_cam for camera in truth.cameras}
+    names = [camera.name for camera in found.cameras if camera.name in true]
+    ours = {camera.name: camera.t_ref_cam for camera in found.cameras}
+    a = np.array([ours[name] for name in names])
+    b = np.array([true[name] for name in names])
+    spread = np.linalg.norm(a - a.mean(0)), np.linalg.norm(b - b.mean(0))
+    return float(spread[0] / spread[1])
