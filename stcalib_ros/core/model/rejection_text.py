@@ -226,6 +226,7 @@ _REMARKS = {
         "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
         "are not used; no other axes or order of joints fit: check that both are of the same "
         "person and image"
+    ),
     RemarkCode.STAMPS_EVENED: (
         "the stamps of {camera} come in bunches of up to {bunch:.0f}, {within_ms:.2g} ms apart, "
         "although its images were taken {period_ms:.3g} ms apart, as the motion in them shows: "

@@ -30,7 +30,6 @@ REJECTIONS = (
         "normalised: they lie between 0.02 and 1, .* 1280 x 720 .*; multiply those of 0..1 by",
     ),
     (Rejection(R.IDS_ARE_NO_TRACKS, (), 0.33, 0.7), "33% of them go on .*, 70% .* tracking on"),
-    (Rejection(R.IDS_ARE_NO_TRACKS, (), 0.33, 0.7), "33% of its poses .*, 70% .* tracking on"),
     (
         Rejection(R.STAMPS_IN_BUNCHES, (), 0.5, 0.25, values=BUNCHES),
         "bunches of up to 3, 0.5 ms apart where images are 33.3 ms apart, .*: 50% .*, 25% are the",
