@@ -54,10 +54,10 @@ JUMP_S = 0.1
 """Jump of the clock that jumps, s."""
 DAYS_S = 30 * 86_400.0
 """Seconds between a calibration that knows the rates of the clocks, and what is monitored."""
-DRIFT_PAUSE_S = 240.0
-"""Seconds between the spans of a clock that drifts: 5 ms each."""
-DRIFT_SPANS = 30
-"""Spans of a clock that drifts, count: it comes to 144 ms."""
+DRIFT_PAUSE_S = 120.0
+"""Seconds between the spans of a clock that drifts, people being rare: 2.4 ms each."""
+DRIFT_SPANS = 42
+"""Spans of a clock that drifts, count: it comes to 100 ms in 84 minutes."""
 MAX_DRIFT_S = 0.1
 """Advance at which a drift has to be said at last, s: twice the threshold of an alarm."""
 CAMERAS = (2, 3, 8)

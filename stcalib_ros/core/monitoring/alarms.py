@@ -201,11 +201,19 @@ def _verdict(spans: Sequence[Span], before: Verdict, thresholds: Thresholds) -> 
 
 
 def _with_clock(verdict: Verdict, span: Span, f: Finding) -> Verdict:
-    """Add what the last span says about the clock to the history, once."""
+    """Add what the last span says about the clock to the history, once.
+
+    Of two cameras that with the larger gain speaks for both: the other one was fitted with this
+    one corrected.
+    """
     known = f.fit.n_points and explains(f.fit, f.expected_px)
     if not known or verdict.clock.last_s == span.end_s:
         return verdict
-    return replace(verdict, clock=verdict.clock.after(span.end_s, -float(f.fit.change[CLOCK])))
+    advance_s = -float(f.fit.change[CLOCK])
+    if len(span.findings) == 2:
+        (other,) = (found for name, found in span.findings.items() if name != verdict.name)
+        advance_s = float(other.fit.change[CLOCK]) if other.fit.gain > f.fit.gain else advance_s
+    return replace(verdict, clock=verdict.clock.after(span.end_s, advance_s))
 
 
 def _gone(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | None:

@@ -44,6 +44,7 @@ def test_undisturbed_walking_raises_no_alarm(capsys):
 
 def test_a_drift_is_said_as_one(monkeypatch, capsys):
     monkeypatch.setattr(watch, "DRIFT_SPANS", 18)
+    monkeypatch.setattr(watch, "DRIFT_PAUSE_S", 240.0)
     assert watch.main(["--only", "drift", "--runs", "1", "--cameras", "3", "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)
     assert 0.04 <= found["detected_s"] <= watch.MAX_DRIFT_S

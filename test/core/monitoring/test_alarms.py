@@ -180,6 +180,21 @@ def test_a_clock_that_runs_at_another_rate_has_drifted(ppm):
     assert first.state.changed
 
 
+def test_of_two_cameras_the_drift_is_seen_in_whichever_was_fitted():
+    """Each is fitted in every other span; the other one is corrected by it."""
+    verdicts, spans = {name: Verdict(name) for name in ("cam0", "cam1")}, []
+    for k, advance_s in enumerate(np.linspace(0.0, 0.07, 40)):
+        own = finding(clock_s=-advance_s, gain=4.0 * (advance_s > 0.02) + 0.1, rivals=["cam0"])
+        other = finding(clock_s=advance_s, gain=0.9 * own.fit.gain, rivals=["cam1"])
+        silent = finding(gain=0.0)
+        pair = (silent, own) if k % 2 and advance_s < 0.04 else (other, own)
+        found = dict(zip(("cam0", "cam1"), pair, strict=True))
+        spans = [*spans, Span(SPAN_S * k, SPAN_S * (k + 1), found)][-KEPT_SPANS:]
+        verdicts = judge(spans, verdicts, Thresholds())
+        assert not any(v.state is State.CLOCK for v in verdicts.values())
+    assert {v.state for v in verdicts.values()} == {State.DRIFTED}
+
+
 def test_a_jump_after_a_drift_is_a_jump():
     drifting = [finding(clock_s=-a, gain=4.0 * (a > 0.02)) for a in np.linspace(0.0, 0.07, 40)]
     jumped = finding(clock_s=-0.4, gain=9.0)
