@@ -117,8 +117,14 @@ def _lift_camera(
                 )
             )
     shutter = shutter or GLOBAL
-    times = shutter.times(camera.stamps)
-    return LiftedCamera(camera.name, times, tuple(tracks), shutter, camera.received)
+    return LiftedCamera(
+        camera.name,
+        shutter.times(camera.stamps),
+        tuple(tracks),
+        shutter,
+        received=camera.received,
+        intrinsics=camera.intrinsics,
+    )
 
 
 def _used_keypoints(track: Track, columns: IntArray, min_score: float) -> FloatArray:

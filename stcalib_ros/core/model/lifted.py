@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
+from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter
 
 
@@ -67,6 +68,8 @@ class LiftedCamera:
     shutter : Shutter
     received : (N,) ndarray or None
         Time at which a recorder received each image, as in `CameraRecording`.
+    intrinsics : Intrinsics, optional
+        Lens by which its keypoints were undistorted.
     """
 
     name: str
@@ -74,6 +77,7 @@ class LiftedCamera:
     tracks: tuple[LiftedTrack, ...]
     shutter: Shutter = GLOBAL
     received: Float64Array | None = None
+    intrinsics: Intrinsics | None = None
 
 
 def time_span(cameras: Sequence[LiftedCamera], offset_s: Iterable[float]) -> tuple[float, float]:

@@ -21,6 +21,29 @@ _SENTENCES = {
         "pixels of an image of {width:.0f} x {height:.0f} are expected; multiply those of 0..1 by "
         "the image size (those of -1..1: add 1, and multiply by half of it)"
     ),
+    _R.FOCAL_LENGTH_ABSURD: (
+        "its focal lengths of {fx:.4g} and {fy:.4g} px do not belong to an image of {width:.0f} x "
+        "{height:.0f} px: it would show {fov_x:.3g} x {fov_y:.3g} degrees with pixels {ratio:.3g} "
+        "times as wide as high; give K in pixels of this image"
+    ),
+    _R.PRINCIPAL_POINT_OFF_CENTRE: (
+        "its principal point ({cx:.4g}, {cy:.4g}) is {measured:.0%} of the image size from the "
+        "middle of an image of {width:.0f} x {height:.0f} px, {limit:.0%} are the limit: give cx "
+        "and cy in this order and in pixels of this image, K and size of one mode and not binned "
+        "twice, and the roi of an image that is a part of the sensor"
+    ),
+    _R.KEYPOINTS_OUTSIDE_IMAGE: (
+        "{measured:.0%} of its poses are outside of the image of {width:.0f} x {height:.0f} px "
+        "that its CameraInfo describes, {limit:.0%} are the limit; they reach to ({most_x:.0f}, "
+        "{most_y:.0f}): they are those of a larger or turned image; bring keypoints and CameraInfo "
+        "to one image"
+    ),
+    _R.KEYPOINTS_IN_CORNER: (
+        "all its keypoints are within ({most_x:.0f}, {most_y:.0f}) of the top left corner of an "
+        "image of {width:.0f} x {height:.0f} px, {measured:.0%} of its size: they look like those "
+        "of a smaller image; bring keypoints and CameraInfo to one image, or let people walk "
+        "through more of its view"
+    ),
     _R.KEYPOINTS_COINCIDE: (
         "all keypoints of each person are at one place, within {measured:.2g} px: check the pose "
         "estimator's output"
@@ -73,6 +96,22 @@ _SENTENCES = {
     _R.UNMATCHED_OBSERVATIONS: (
         "hardly anything that it sees matches what is seen by {others}: check its intrinsics, and "
         "let people stay in view for longer"
+    ),
+    _R.IMAGE_RESIZED: (
+        "its keypoints look like those of an image {scale_x:.2f} times as wide and {scale_y:.2f} "
+        "times as high as in its CameraInfo ({width:.0f} x {height:.0f}), the corner of which is "
+        "at ({corner_x:.0f}, {corner_y:.0f}): the pose estimator gets a resized, padded or cropped "
+        "image, or K is that of another mode; bring keypoints and CameraInfo to one image"
+    ),
+    _R.IMAGE_TURNED: (
+        "its keypoints look like those of an image turned by a quarter, or of a lens with cx and "
+        "cy exchanged: the principal point is at ({cx:.0f}, {cy:.0f}), where its CameraInfo says "
+        "({given_cx:.0f}, {given_cy:.0f}); bring keypoints and CameraInfo to one image"
+    ),
+    _R.DISTORTION_DISAGREES: (
+        "its keypoints are bent by {measured:.0%} at the edge of the image when its lens is taken "
+        "for that of its CameraInfo, {limit:.0%} are the limit: check D, and whether the keypoints "
+        "are those of the raw or of the rectified image (rectified)"
     ),
     _R.CLOCK_NOT_STEADY: (
         "its clock is not steady: from {begin_s:.1f} to {end_s:.1f} s after its first image, its "
@@ -209,6 +248,11 @@ _REMARKS = {
         "{camera}: its track ids are no tracks ({continued:.0%} of its poses go on from the image "
         "before under the same id, {limit:.0%} are needed): people were linked from image to image "
         "by their keypoints, to {n_tracks:.0f} tracks; a tracker in its pose estimator does better"
+    ),
+    RemarkCode.IMAGES_LEFT_OUT: (
+        "{camera}: {n_left_out:.0f} of {n_images:.0f} images are left out: no other camera has "
+        "images near their stamps, or others are far away in time; its clock may have been set "
+        "in between"
     ),
     RemarkCode.POSES_RESCALED: (
         "{camera}: people would be {height_m:.0f} m tall by its 3D poses, which are taken as "
