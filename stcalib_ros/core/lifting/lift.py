@@ -118,10 +118,7 @@ def _lift_camera(
             )
     shutter = shutter or GLOBAL
     return LiftedCamera(
-        camera.name,
-        shutter.times(camera.stamps),
-        tuple(tracks),
-        shutter,
+        *(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter),
         received=camera.received,
         intrinsics=camera.intrinsics,
     )
