@@ -7,10 +7,11 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from stcalib_ros import __version__
-from stcalib_ros.core.errors import StcalibError
+from stcalib_ros.core.errors import StcalibError, one_line
 from stcalib_ros.threads import use_one_thread
 
 if TYPE_CHECKING:
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells report it: 128 plus the number of SIGINT."""
+
+_MAX_ERROR = 5000
+"""Characters. An error is cut here: one that names each of 64 cameras with its reason fits."""
 
 _COMMANDS = {
     "calibrate": "calibrate the cameras of a bag",
@@ -85,14 +89,29 @@ def run_command(name: str, command: Callable[[], object]) -> int:
         command()
         sys.stdout.flush()
     except StcalibError as error:
-        print(f"{name}: {error}", file=sys.stderr)
-        return error.exit_status
+        return _failed(name, error, error.exit_status)
     except KeyboardInterrupt:
-        print(f"{name}: interrupted", file=sys.stderr)
-        return INTERRUPTED
+        return _failed(name, "interrupted", INTERRUPTED)
     except BrokenPipeError:  # as in `stcalib ... | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _close_output()
+    except OSError as error:  # of a full disk below standard output, of rights on the way to a file
+        _close_output()
+        return _failed(name, error, StcalibError.exit_status)
+    except MemoryError:
+        what = "out of memory: use a shorter part of the data, or fewer people"
+        return _failed(name, what, StcalibError.exit_status)
     return 0
+
+
+def _failed(name: str, error: Exception | str, status: int) -> int:
+    print(f"{name}: {one_line(str(error), _MAX_ERROR)}", file=sys.stderr)
+    return status
+
+
+def _close_output() -> None:
+    """Have the end of the process not write what standard output did not take."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:

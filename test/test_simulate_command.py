@@ -82,11 +82,11 @@ def test_simulate_without_3d_poses(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--n-people", "0"], "n_people must be at least 1, got 0"),
+        (["--n-people", "0"], "n_people must be 1 to 1000, got 0"),
         (["--fps", "30", "25"], "2 rates for 4 cameras"),
         (["--line-time-s", "1e-5", "2e-5"], "2 line times for 4 cameras"),
-        (["--rig", "missing.json"], "cannot read missing.json"),
-        (["--rig", TRUTH], "is not a camera rig"),
+        (["--rig", "missing.json"], "no such file: missing.json"),
+        (["--rig", TRUTH], "is not valid JSON"),
         (["--missing", "1.5"], "missing must be a fraction"),
         (
             ["--n-frames", "5", "--keypoints-only-of", "door"],

@@ -10,6 +10,12 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.convert import Converted, ConvertOptions, convert_arrays, convert_npz
 from stcalib_ros.io.datasets import DATASETS, DatasetOptions, read_dataset
 
+MAX_SEED = 2**63
+"""Largest seed of random numbers, as of a simulated scene."""
+
+MAX_NOISE_PX = 1e4
+"""Pixels. Noise that is larger leaves nothing of a pose, as of a simulated scene."""
+
 DESCRIPTION = """\
 Make a bag, and its true values, from a multi-view .npz file with detected poses, or from a data set
 in its official layout.
@@ -103,6 +109,12 @@ def _converted(args: argparse.Namespace) -> Converted:
         "seed": args.seed,
     }
     given = {name: value for name, value in given.items() if value is not None}
+    seed, sigma_px = given.get("seed", 0), given.get("sigma_px", 0.0)
+    if not (0 <= seed <= MAX_SEED and 0 <= sigma_px <= MAX_NOISE_PX):
+        raise InputError(
+            f"--seed must be 0 to {MAX_SEED} and --sigma-px 0 to {MAX_NOISE_PX:g}, got "
+            f"{seed} and {sigma_px}"
+        )
     if args.format != "npz":
         arrays = read_dataset(args.format, args.source, DatasetOptions(**given))
         return convert_arrays(args.source, arrays, options)
@@ -113,7 +125,7 @@ def _converted(args: argparse.Namespace) -> Converted:
 
 def _frame_range(text: str) -> tuple[int, int]:
     first, _, last = text.partition(":")
-    if not first.isdigit() or not last.isdigit() or int(last) < int(first):
+    if not first.isdecimal() or not last.isdecimal() or int(last) < int(first):
         raise argparse.ArgumentTypeError(f"expected FIRST:LAST, as in 300:599, got {text!r}")
     return int(first), int(last)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from stcalib_ros.commands.terminal import table, warn
+from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.io.results import read_result
@@ -40,8 +41,10 @@ def run(args: argparse.Namespace) -> None:
     Raises
     ------
     InputError
-        A file is unusable, or the two have fewer than two cameras in common.
+        A file or the frame rate is unusable, or the two have fewer than two cameras in common.
     """
+    if args.fps is not None and not 0 < args.fps < math.inf:
+        raise InputError(f"--fps must be above 0, got {args.fps}")
     estimate, truth = read_result(args.result), read_result(args.truth)
     if estimate.status is not Status.OK:
         warn(f"{args.result} is not to be used: its status is {estimate.status.name}")

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-import zipfile
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
@@ -24,19 +22,17 @@ from stcalib_ros.core.model.calibration import (
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS, Layout, find_layout
 from stcalib_ros.core.model.recording import (
     CameraRecording,
+    Intrinsics,
     Recording,
     Track,
     unknown_joints,
 )
 from stcalib_ros.io.lens_model import opencv_intrinsics
+from stcalib_ros.io.limits import MAX_FRAME_RATE, MAX_TIME_S, MIN_FRAME_RATE
 from stcalib_ros.io.messages import NS
-
-_NEEDED = (
-    *("camera_names", "image_size", "K", "dist", "R", "t", "fps", "frame_number"),
-    *("det_frame", "det_camera", "det_track", "det_person", "det_kp2d", "kp_names"),
-)
-
-Arrays = Mapping[str, NDArray[Any]]
+from stcalib_ros.io.multi_view_arrays import Arrays, checked_arrays
+from stcalib_ros.io.npz_files import read_npz
+from stcalib_ros.io.plausible import require_lens, require_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +82,7 @@ def convert_npz(path: Path | str, options: ConvertOptions | None = None) -> Conv
         The file cannot be read or lacks an array, or an option does not fit it.
     """
     path = Path(path)
-    return convert_arrays(path, _load(path), options)
+    return convert_arrays(path, read_npz(path), options)
 
 
 def convert_arrays(path: Path, arrays: Arrays, options: ConvertOptions | None = None) -> Converted:
@@ -106,17 +102,15 @@ def convert_arrays(path: Path, arrays: Arrays, options: ConvertOptions | None = 
         An array has another shape than the others ask for, or an option does not fit.
     """
     options = options or ConvertOptions()
-    _require_shapes(path, arrays)
+    arrays = checked_arrays(path, arrays)
     names = [str(n) for n in arrays["camera_names"]]
     _require_cameras(path, names, options)
     layout = _layout(path, arrays, options.layout)
     fps = _frame_rate(path, arrays, options.fps)
     shifts = [options.clock_shifts_s.get(name, 0.0) for name in names]
-    lenses = [
-        opencv_intrinsics(*(arrays[key][c] for key in ("image_size", "K", "dist")))
-        for c in range(len(names))
-    ]
+    lenses = [_true_lens(path, arrays, c) for c in range(len(names))]
     frames = arrays["frame_number"] - arrays["frame_number"][0]
+    _require_stamps(path, options.start_s, frames[-1] / fps, shifts)
     true_ns = np.round(frames * (NS / fps)).astype(np.int64)
     first_ns = options.start_s * NS + min(round(s * NS) for s in shifts)
     epoch_ns = first_ns // NS * NS
@@ -137,41 +131,24 @@ def convert_arrays(path: Path, arrays: Arrays, options: ConvertOptions | None = 
     return Converted(recording, _truth(path, arrays, recording, shifts))
 
 
-def _load(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        archive = np.load(path, allow_pickle=False)
-        if isinstance(archive, np.ndarray):
-            raise InputError(f"{path} holds a single array, not named arrays (.npz)")
-        with archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except FileNotFoundError:
-        raise InputError(f"no such file: {path}") from None
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path} is not a readable .npz file: {error}") from error
-    if missing := [name for name in _NEEDED if name not in arrays]:
-        raise InputError(f"{path} is not a multi-view file: it lacks {', '.join(missing)}")
-    return arrays
+def _true_lens(path: Path, arrays: Arrays, c: int) -> Intrinsics:
+    lens = opencv_intrinsics(*(arrays[key][c] for key in ("image_size", "K", "dist")))
+    return require_lens(lens, f"{path}: camera {arrays['camera_names'][c]}")
 
 
-def _require_shapes(path: Path, arrays: Arrays) -> None:
-    shapes: dict[str, tuple[int, ...]]
-    C, F = len(arrays["camera_names"]), len(arrays["frame_number"])
-    N, J = len(arrays["det_frame"]), len(arrays["kp_names"])
-    shapes = {"image_size": (C, 2), "K": (C, 3, 3), "R": (C, 3, 3), "t": (C, 3)}
-    shapes |= dict.fromkeys(("det_frame", "det_camera", "det_track", "det_person"), (N,))
-    poses = [name for name in ("det_kp2d", "det_kp3d") if name in arrays]
-    shapes |= dict.fromkeys(poses, (N, J, 3))
-    for name, shape in shapes.items():
-        if arrays[name].shape != shape:
-            raise InputError(f"{path}: {name} has shape {arrays[name].shape}, expected {shape}")
-    for name, end in (("det_camera", C), ("det_frame", F)):
-        if N and not (arrays[name].min() >= 0 and arrays[name].max() < end):
-            raise InputError(f"{path}: {name} must be indices from 0 to {end - 1}")
+def _require_stamps(path: Path, start_s: float, length_s: float, shifts: list[float]) -> None:
+    """Demand stamps that messages can hold."""
+    first_s, last_s = start_s + min(shifts), start_s + length_s + max(shifts)
+    if not 0 < first_s <= last_s < MAX_TIME_S:
+        raise InputError(
+            f"{path}: with this frame rate and these offsets, stamps would be {first_s:.3g} to "
+            f"{last_s:.3g} s, where 0 to {MAX_TIME_S:.3g} s are possible"
+        )
 
 
 def _require_cameras(path: Path, names: list[str], options: ConvertOptions) -> None:
+    for name in names:
+        require_name(name, f"{path}: name of a camera")
     if twice := sorted(n for n, count in Counter(names).items() if count > 1):
         raise InputError(f"{path}: two cameras with one name: {', '.join(twice)}")
     if unknown := sorted(set(options.clock_shifts_s) - set(names)):
@@ -179,8 +156,10 @@ def _require_cameras(path: Path, names: list[str], options: ConvertOptions) -> N
             f"offset of {', '.join(unknown)}: no such camera; {path} has {', '.join(names)}"
         )
     for name, shift in options.clock_shifts_s.items():
-        if not math.isfinite(shift):
-            raise InputError(f"offset of {name} must be a number of seconds, got {shift}")
+        if not abs(shift) <= MAX_TIME_S:
+            raise InputError(
+                f"offset of {name} must be a number of seconds within {MAX_TIME_S:.0f}, got {shift}"
+            )
 
 
 def _layout(path: Path, arrays: Arrays, wanted: str | None) -> Layout:
@@ -201,8 +180,11 @@ def _layout(path: Path, arrays: Arrays, wanted: str | None) -> Layout:
 
 def _frame_rate(path: Path, arrays: Arrays, wanted: float | None) -> float:
     fps = float(arrays["fps"]) if wanted is None else wanted
-    if not (math.isfinite(fps) and fps > 0):
-        raise InputError(f"{path}: frame rate is {fps}; give it with --fps")
+    if not MIN_FRAME_RATE <= fps <= MAX_FRAME_RATE:
+        raise InputError(
+            f"{path}: frame rate is {fps}; give one of {MIN_FRAME_RATE} to {MAX_FRAME_RATE:.0f} Hz "
+            "with --fps"
+        )
     return fps
 
 

@@ -22,6 +22,29 @@ MAX_YAML_NUMBER = 64
 """Characters. A longer scalar of a YAML text is not looked at as a number: float64 has at most 24.
 Chosen."""
 
+MAX_JSON_BYTES = 1 << 30
+"""Bytes. A larger JSON file is not read: AlphaPose's results of half an hour with five people have
+0.4 GB. Chosen."""
+
+MAX_NPZ_BYTES = 1 << 30
+"""Bytes. An .npz file that has more when it is unpacked is not read: a million detections of 26
+joints in 2D and 3D have 1.2 GB in float64, 0.6 GB in float32. Chosen."""
+
+MAX_TABLE = 3_000_000
+"""Persons times frames of a data set, for which there is one table of joints: an hour at 30 Hz with
+28 people. It takes 1.8 GB. Chosen; not measured."""
+
+MAX_KEYPOINT_PX = 1e6
+"""Pixels. A keypoint that is further from the corner of its image is none. Chosen, ten times
+`MAX_IMAGE_SIDE`."""
+
+MAX_COORDINATE = 1e9
+"""Pixels, or the unit of 3D poses. A coordinate of a message beyond this counts as infinite, and so
+as not observed: squares of such numbers leave the range of float32. Chosen, above millimetres."""
+
+MIN_FRAME_RATE, MAX_FRAME_RATE = 0.1, 1000.0
+"""Images per second, from time lapse to high-speed cameras; others are mistakes. Chosen."""
+
 MAX_NAME = 256
 """Characters. A name in a file (camera, frame, joint) that is longer is refused. ROS 2 limits topic
 names to about as many."""
@@ -54,6 +77,11 @@ with three digits pass, what is scaled or mirrored does not. Chosen; not measure
 PLUMB_BOB_COEFFICIENTS = 5
 """Distortion coefficients. Those of plumb_bob in OpenCV's order are k1 k2 p1 p2 k3; a longer list
 is of the rational model. By definition."""
+
+MAX_REPEATED_IDS = 0.5
+"""Fraction of the images with several persons. Where an id repeats in more of them, nobody tracks
+people, and ids are not used. Chosen: trackers repeat one in an image now and then at most, and an
+estimator without a tracker that sends zeros does in all."""
 
 SAME_PERSON = 0.15
 """Fraction of the height of the person in the image. A detection is of the true person whose joints

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
 import stcalib_ros
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.synthetic import MotionClip
+from stcalib_ros.io.json_files import MALFORMED
+from stcalib_ros.io.npz_files import read_npz
 
 _LOCOMOTION = ("walk", "run")
 _NOT_CYCLIC = ("getup", "cartwheel")
@@ -40,8 +41,8 @@ def read_clip(path: Path) -> MotionClip:
         The file cannot be read or lacks an array.
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            joints, fps = np.asarray(arrays["pose17"], dtype=float), float(arrays["fps"])
-    except (OSError, EOFError, KeyError, ValueError, BadZipFile) as error:
+        arrays = read_npz(path)
+        joints, fps = np.asarray(arrays["pose17"], dtype=float), float(arrays["fps"])
+    except (*MALFORMED, InputError) as error:
         raise InputError(f"{path}: not a motion clip: {error}") from error
     return MotionClip(path.stem, fps, joints, any(word in path.stem for word in _LOCOMOTION))

@@ -8,7 +8,13 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.camera_info import coefficient_counts
 from stcalib_ros.core.model.recording import Intrinsics
-from stcalib_ros.io.limits import MAX_IMAGE_SIDE, MAX_NAME, MAX_NUMBER, ROTATION_TOLERANCE
+from stcalib_ros.io.limits import (
+    MAX_DISTANCE,
+    MAX_IMAGE_SIDE,
+    MAX_NAME,
+    MAX_NUMBER,
+    ROTATION_TOLERANCE,
+)
 
 
 def require_name(text: str, what: str) -> str:
@@ -72,3 +78,18 @@ def require_rotation(R: Float64Array, what: str) -> Float64Array:
     if not finite or np.abs(R @ R.T - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(R) < 0:
         raise InputError(f"{what} is no rotation: {R.tolist()}")
     return R
+
+
+def require_position(t: Float64Array, what: str) -> Float64Array:
+    """Return x, y and z of a camera.
+
+    Raises
+    ------
+    InputError
+        It is further away than any camera, or not finite.
+    """
+    if not np.all(np.abs(t) <= MAX_DISTANCE):
+        raise InputError(
+            f"{what}: expected three numbers within {MAX_DISTANCE:g}, got {t.tolist()}"
+        )
+    return t

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.synthetic import SceneRig
+from stcalib_ros.io.json_files import MALFORMED, read_json
 from stcalib_ros.io.lens_model import opencv_intrinsics
+from stcalib_ros.io.plausible import (
+    require_lens,
+    require_name,
+    require_position,
+    require_rotation,
+)
 
 
 def read_rig(path: Path) -> SceneRig:
@@ -25,20 +32,31 @@ def read_rig(path: Path) -> SceneRig:
     InputError
         The file cannot be read or has another form.
     """
+    content = read_json(path)
     try:
-        cameras = json.loads(path.read_text(encoding="utf-8"))["cameras"]
+        cameras = content["cameras"]
         return SceneRig(
-            names=tuple(str(c["name"]) for c in cameras),
-            intrinsics=tuple(_lens(c) for c in cameras),
-            R_cam_world=np.array([c["R"] for c in cameras], dtype=np.float64),
-            t_cam_world=np.array([c["t"] for c in cameras], dtype=np.float64),
+            names=tuple(require_name(str(c["name"]), f"{path}: name") for c in cameras),
+            intrinsics=tuple(_lens(path, c) for c in cameras),
+            R_cam_world=np.array([_rotation(path, c) for c in cameras], dtype=np.float64),
+            t_cam_world=np.array([_position(path, c) for c in cameras], dtype=np.float64),
         )
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except MALFORMED as error:
         raise InputError(f"{path} is not a camera rig ({type(error).__name__}: {error})") from error
 
 
-def _lens(camera: dict[str, Any]) -> Intrinsics:
+def _lens(path: Path, camera: dict[str, Any]) -> Intrinsics:
     K = np.array(camera["K"], dtype=np.float64).reshape(3, 3)
-    return opencv_intrinsics(camera["image_size"], K, np.array(camera["dist"], dtype=np.float64))
+    dist = np.array(camera["dist"], dtype=np.float64)
+    lens = opencv_intrinsics(camera["image_size"], K, dist)
+    return require_lens(lens, f"{path}: camera {camera['name']}")
+
+
+def _rotation(path: Path, camera: dict[str, Any]) -> Float64Array:
+    R = np.array(camera["R"], dtype=np.float64).reshape(3, 3)
+    return require_rotation(R, f"{path}: R of camera {camera['name']}")
+
+
+def _position(path: Path, camera: dict[str, Any]) -> Float64Array:
+    t = np.array(camera["t"], dtype=np.float64).reshape(3)
+    return require_position(t, f"{path}: t of camera {camera['name']}")

@@ -50,6 +50,57 @@ ONE_PLACE_PX = 1.0
 out. Derived: keypoints have errors of pixels, so that nothing could be estimated from such a pose;
 people of whom something can are tens of px tall."""
 
+MAX_OFF_CENTRE = 0.2
+"""Fraction of the size of the sensor. A camera whose principal point is further from its middle is
+rejected. Measured: 16 real lenses have up to 0.05; K that is divided by the binning twice has 0.25,
+K of an image of 1920 x 1080 beside a size of 1280 x 720 has 0.25, coordinates that are shares or
+exchanged have 0.28 and more."""
+
+EXPLAINED_OFF_CENTRE = 0.1
+"""The same where it would be in the middle if its coordinates were exchanged, or if K were that of
+an image of another size. Chosen between 0.05 of real lenses, and 0.125 of K of three quarters of
+the image."""
+
+NEAR_CENTRE = 0.03
+"""Fraction of the size of the sensor. How near the middle such an explanation has to bring it.
+Chosen: most real lenses are within."""
+
+VIEW_RANGE_DEG = (3.0, 175.0)
+"""Degrees. Fields of view, of the whole sensor, that a lens may have. Chosen: a long tele lens has
+5; plane images of more than 150 cannot be used. K in millimetres or as a share of the size is
+beyond."""
+
+FISHEYE_DEG = 360.0
+"""Degrees. The same of an equidistant lens at most, corners included: real ones have up to 250.
+Derived."""
+
+MAX_PIXEL_RATIO = 2.2
+"""Ratio of fx and fy, either way. Derived: 2 where only one direction is binned; pixels are nearly
+square else."""
+
+MAX_OUTSIDE = 0.1
+"""Fraction of the poses of a camera. With more that have half of their keypoints outside of the
+image, keypoints and CameraInfo are of different images. Measured: none in simulated scenes and
+0.0 % on real ones; chosen so that estimators that guess what the edge cuts off do no harm."""
+
+OUTSIDE_MARGIN = 0.02
+"""Fraction of the image. Keypoints are outside that are further from it. Chosen: errors of
+keypoints at the edge are smaller."""
+
+IN_CORNER = 0.52
+"""Fraction of the image, in both directions. A camera all of whose keypoints are within this of
+the corner at (0, 0) has those of a smaller image. Derived: usual sizes are 1/2, 1/3 and less, and
+detectors go a little beyond the edge. People who walk in one half of the view fill the other
+direction; on 12 real cameras and 92 simulated scenes they reach to 0.72 and more in one of them."""
+
+FILLS_CORNER = 0.5
+"""Fraction of that part. People who move through less of it in either direction may just as well
+stand there. Chosen."""
+
+MIN_POSES_PLACED = 60
+"""Poses of a camera, count. With fewer nothing is said about where in the image they are. Chosen
+like `MIN_TRACKED_POSES`."""
+
 NORMALISED_PX = 2.0
 """px from the centre of the top left pixel. A camera with no keypoint beyond has them in fractions
 of the image, 0..1 or -1..1, and is rejected. Derived: those of joints that are guessed outside of
@@ -81,9 +132,54 @@ LONGEST_BREAK_FRAMES = 3.0
 """Frame periods. See `LONGEST_BREAK_S`: cameras of two images a second have tracks as well.
 Chosen."""
 
+MAX_ASTRAY = 0.2
+"""Ratio to the size of a person in the image. Where poses are linked to tracks, one that is further
+from where the track would have gone, and than `STRAY_SPEED` allows, begins another. Chosen: of
+eight people who cover each other a third as many are exchanged as with `TRACK_JUMP` alone."""
+
+STRAY_SPEED = 2.0
+"""Sizes of a person per second. See `MAX_ASTRAY`. Derived: people who turn round within a
+second."""
+
 MIN_TRACKED_POSES = 60
 """Poses of a camera, count. With fewer nothing is said about its ids. Chosen: two seconds of one
 person at 30 Hz."""
+
+MAX_BODY_SIZE = 1.6
+"""Ratio to the size of an adult, either way. Metric 3D poses of people who are larger, or smaller
+by that, are not in metres. Chosen between: poses of half the size (0.5), in units of the trunk (2),
+of the height of the body (0.58) or of millimetres, and those of lifters, 0.89 to 1.10 in simulated
+scenes and in the demo recording."""
+
+SURE_PROJECTION = 0.95
+"""Correlation of keypoints with x and y of the 3D poses, median over poses. Poses with as much
+project onto their keypoints; other axes have to reach it to be named. Measured: 0.956 to 1 in
+scenes of benchmarks.accuracy.level with joint errors of up to 120 mm and tilts of 15 degrees, 0.99
+in the demo recording; poses in other axes have at most 0.94 before, and as much as sound ones
+after."""
+
+MIN_PROJECTION = 0.75
+"""Correlation as in `SURE_PROJECTION`. Poses with less are not used though no other axes fit.
+Chosen below those that are tilted by 45 degrees (rms, about all axes: 0.81 to 0.96, one in twenty
+less), and above poses of somebody else or in another order of joints (0.6 and less)."""
+
+AXES_MARGIN = 1.0 / 3.0
+"""Ratio of what is missing to a correlation of one. Other axes are named where they leave less than
+this of what the given ones leave. Chosen between: 0.06 to 0.2 where the axes are others, 0.37 and
+more where they are right and the poses are tilted by 45 degrees."""
+
+MIN_HANDEDNESS = 0.5
+"""Share of the bending of knees, elbows and toes to the wrong side, less that to the right one,
+from which 3D poses are mirror images. Chosen: bodies have +0.28 (hands raised, straight legs) to +1
+in simulated scenes and in the demo recording, mirrored ones the same below zero."""
+
+MIN_COMMON_NAMES = 8
+"""Joints, count. Another layout is compared by the joints that both have, and must have as many.
+Chosen: the limbs have twelve."""
+
+MIN_SAMPLED_POSES = 20
+"""Poses of a camera, count. With fewer nothing is said about their axes. Chosen: medians over fewer
+would hang on one or two people in one moment."""
 
 CLOSEST_IMAGES_S = 1e-3
 """Seconds. Images are taken no closer to each other: stamps that are, are not those of exposures.
@@ -127,39 +223,3 @@ MAX_GRID_FACTOR = 50.0
 camera with most images has them. With more, images that no other camera can share, and all
 but the fullest stretch, are left out. Chosen: two clips of 10 s that are 15 minutes apart have 46;
 time and memory of the association grow with it."""
-
-MAX_BODY_SIZE = 1.6
-"""Ratio to the size of an adult, either way. Metric 3D poses of people who are larger, or smaller
-by that, are not in metres. Chosen between: poses of half the size (0.5), in units of the trunk (2),
-of the height of the body (0.58) or of millimetres, and those of lifters, 0.89 to 1.10 in simulated
-scenes and in the demo recording."""
-
-SURE_PROJECTION = 0.95
-"""Correlation of keypoints with x and y of the 3D poses, median over poses. Poses with as much
-project onto their keypoints; other axes have to reach it to be named. Measured: 0.956 to 1 in
-scenes of benchmarks.accuracy.level with joint errors of up to 120 mm and tilts of 15 degrees, 0.99
-in the demo recording; poses in other axes have at most 0.94 before, and as much as sound ones
-after."""
-
-MIN_PROJECTION = 0.75
-"""Correlation as in `SURE_PROJECTION`. Poses with less are not used though no other axes fit.
-Chosen below those that are tilted by 45 degrees (rms, about all axes: 0.81 to 0.96, one in twenty
-less), and above poses of somebody else or in another order of joints (0.6 and less)."""
-
-AXES_MARGIN = 1.0 / 3.0
-"""Ratio of what is missing to a correlation of one. Other axes are named where they leave less than
-this of what the given ones leave. Chosen between: 0.06 to 0.2 where the axes are others, 0.37 and
-more where they are right and the poses are tilted by 45 degrees."""
-
-MIN_HANDEDNESS = 0.5
-"""Share of the bending of knees, elbows and toes to the wrong side, less that to the right one,
-from which 3D poses are mirror images. Chosen: bodies have +0.28 (hands raised, straight legs) to +1
-in simulated scenes and in the demo recording, mirrored ones the same below zero."""
-
-MIN_COMMON_NAMES = 8
-"""Joints, count. Another layout is compared by the joints that both have, and must have as many.
-Chosen: the limbs have twelve."""
-
-MIN_SAMPLED_POSES = 20
-"""Poses of a camera, count. With fewer nothing is said about their axes. Chosen: medians over fewer
-would hang on one or two people in one moment."""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
+from typing import NamedTuple
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.synthetic.bias_forms import BIAS_FORMS
@@ -114,20 +113,20 @@ class SceneOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name, low in _AT_LEAST.items():
+        for name, bounds in _RANGES.items():
             value = getattr(self, name)
-            if not (np.isfinite(value) and value >= low):
-                raise InputError(f"{name} must be at least {low}, got {value}")
+            if not bounds.low <= value <= bounds.high:
+                raise InputError(f"{name} must be {bounds.low:g} to {bounds.high:g}, got {value}")
         for name in _FRACTIONS:
             value = getattr(self, name)
             if not 0 <= value < 1 and not (name == "crop_perspective" and value == 1):
                 raise InputError(f"{name} must be a fraction between 0 and 1, got {value}")
-        for name in ("ring_radius_m", "ring_height_m", "lifter_mm", "image_size"):
+        for name, bounds in _RANGES_OF_TWO.items():
             values = getattr(self, name)
-            if len(values) != 2 or not (np.isfinite(values).all() and min(values) >= 0):
-                raise InputError(f"{name} must be two numbers of at least 0, got {values}")
-        if self.focal_px <= 0 or self.rig_scale <= 0 or self.area_radius_m <= 0:
-            raise InputError("focal_px, rig_scale and area_radius_m must be above 0")
+            if len(values) != 2 or not all(bounds.low <= v <= bounds.high for v in values):
+                raise InputError(
+                    f"{name} must be two numbers of {bounds.low:g} to {bounds.high:g}, got {values}"
+                )
         if self.people not in PEOPLE:
             raise InputError(f"people: expected one of {', '.join(PEOPLE)}, got {self.people!r}")
         if self.keypoint_bias_form not in BIAS_FORMS:
@@ -136,16 +135,22 @@ class SceneOptions:
                 f" got {self.keypoint_bias_form!r}"
             )
         n = self.n_cameras if self.rig is None else len(self.rig.names)
-        self.rates(n)
         self.line_times(n)
+        rates = self.rates(n)
+        n_images = self.n_frames * sum(rate / rates[0] for rate in rates)
+        if n_images * self.n_people > MAX_POSES:
+            raise InputError(
+                f"n_frames, n_cameras and n_people: {n_images:.3g} images of {self.n_people} "
+                f"people are more than {MAX_POSES} poses; make one of them smaller"
+            )
 
     def rates(self, n_cameras: int) -> tuple[float, ...]:
         """Frame rate of each camera, Hz."""
         rates = self.fps if isinstance(self.fps, tuple) else (self.fps,) * n_cameras
         if len(rates) != n_cameras:
             raise InputError(f"fps: {len(rates)} rates for {n_cameras} cameras")
-        if not all(np.isfinite(r) and r > 0 for r in rates):
-            raise InputError(f"fps must be above 0, got {self.fps}")
+        if not all(_RATES.low <= r <= _RATES.high for r in rates):
+            raise InputError(f"fps must be {_RATES.low:g} to {_RATES.high:g}, got {self.fps}")
         return rates
 
     def line_times(self, n_cameras: int) -> tuple[float, ...]:
@@ -154,27 +159,53 @@ class SceneOptions:
         times = given if isinstance(given, tuple) else (given,) * n_cameras
         if len(times) != n_cameras:
             raise InputError(f"line_time_s: {len(times)} line times for {n_cameras} cameras")
-        if not all(np.isfinite(t) and t >= 0 for t in times):
-            raise InputError(f"line_time_s must be at least 0, got {given}")
+        if not all(0 <= t <= MAX_LINE_TIME_S for t in times):
+            raise InputError(f"line_time_s must be 0 to {MAX_LINE_TIME_S:g}, got {given}")
         return times
 
 
-_AT_LEAST = {
-    "n_cameras": 1,
-    "n_people": 1,
-    "n_frames": 2,
-    "max_offset_frames": 0,
-    "skew_ppm": 0,
-    "stamp_jitter_s": 0,
-    "sigma_px": 0,
-    "keypoint_bias_mm": 0,
-    "lifter_depth_ratio": 0,
-    "tilt_deg": 0,
-    "scale_error": 0,
-    "bursts_per_10s": 0,
-    "id_switches_per_10s": 0,
-    "focal_px": 0,
-    "rig_scale": 0,
-    "area_radius_m": 0,
+class _Range(NamedTuple):
+    low: float
+    high: float
+
+
+_RANGES = {
+    "n_cameras": _Range(1, 1000),
+    "n_people": _Range(1, 1000),
+    "n_frames": _Range(2, 10_000_000),
+    "area_radius_m": _Range(0.01, 1000.0),
+    "focal_px": _Range(1.0, 1e6),
+    "rig_scale": _Range(1e-3, 1000.0),
+    "max_offset_frames": _Range(0.0, 1e6),
+    "skew_ppm": _Range(0.0, 1e5),
+    "stamp_jitter_s": _Range(0.0, 10.0),
+    "sigma_px": _Range(0.0, 1e4),
+    "keypoint_bias_mm": _Range(0.0, 1e4),
+    "lifter_depth_ratio": _Range(0.0, 100.0),
+    "tilt_deg": _Range(0.0, 180.0),
+    "scale_error": _Range(0.0, 1.0),
+    "bursts_per_10s": _Range(0.0, 100.0),
+    "id_switches_per_10s": _Range(0.0, 100.0),
+    "seed": _Range(0, 2**63),
 }
+"""Far beyond what cameras and people do: what is outside is a mistake. Chosen."""
+
+_RANGES_OF_TWO = {
+    "ring_radius_m": _Range(0.0, 1000.0),
+    "ring_height_m": _Range(0.0, 1000.0),
+    "lifter_mm": _Range(0.0, 1e4),
+    "image_size": _Range(16, 100_000),
+}
+"""The same of what has two values."""
+
+_RATES = _Range(0.1, 1000.0)
+"""Frame rates, Hz: from time lapse to high-speed cameras. Chosen; what is outside is a mistake."""
+
+MAX_LINE_TIME_S = 1e-3
+"""Seconds per row, as large as the live node takes it: a readout of a second at 1000 rows."""
+
+MAX_POSES = 10_000_000
+"""Persons times images. A scene of more is not simulated: it would take 10 GB. The largest of the
+benchmarks has 0.5 million. Chosen."""
+
 _FRACTIONS = ("drop_rate", "crop_perspective", "flip_rate", "missing")

@@ -39,6 +39,7 @@ def read_dataset(name: str, path: Path, options: DatasetOptions) -> dict[str, ND
         A file is missing or has another form, or the data set has no poses and none are given.
     """
     dataset = DATASETS[name](path, options)
+    dataset.require_cameras()
     if options.poses is not None:
         return arrays_of(dataset, pose_detections(dataset, options.poses))
     if not dataset.joint_names:

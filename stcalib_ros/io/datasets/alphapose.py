@@ -26,8 +26,10 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.lens import project
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS, Layout
-from stcalib_ros.io.datasets.form import Dataset, Detections, read_json
+from stcalib_ros.io.datasets.form import Dataset, Detections
+from stcalib_ros.io.json_files import MALFORMED, read_json
 from stcalib_ros.io.limits import MIN_BOX_OVERLAP, MIN_COMMON_JOINTS, SAME_PERSON
+from stcalib_ros.io.npz_files import read_npy
 
 _MOTIONBERT = LAYOUTS["h36m_17"]
 _HALPE = (
@@ -103,7 +105,7 @@ def _camera(dataset: Dataset, poses: Path, c: int, lifted: bool) -> list[_Detect
                     continue
                 layout, kp2d = _keypoints(item["keypoints"], lifted)
                 rows.append(_Detection(frame, c, track, layout, kp2d, pose))
-    except (KeyError, TypeError, ValueError) as error:
+    except MALFORMED as error:
         raise InputError(
             f"{path} is not a result of AlphaPose ({type(error).__name__}: {error})"
         ) from error
@@ -127,14 +129,11 @@ def _by_track(results: list[dict[str, Any]]) -> dict[int, list[dict[str, Any]]]:
 
 def _lifted(folder: Path, track: int, n: int) -> Float64Array:
     path = folder / str(track) / "X3D.npy"
-    try:
-        X_3d = np.load(path, allow_pickle=False)
-    except FileNotFoundError:
+    if not path.exists():
         raise InputError(
             f"no such file: {path}: run MotionBERT with --focus {track} on {folder.name}"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} is not a readable .npy file: {error}") from error
+        )
+    X_3d = read_npy(path)
     if X_3d.shape != (n, 17, 3):
         raise InputError(
             f"{path} has shape {X_3d.shape}, expected ({n}, 17, 3): one pose for every appearance "

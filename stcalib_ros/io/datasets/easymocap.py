@@ -25,9 +25,10 @@ from stcalib_ros.io.datasets.form import (
     DatasetOptions,
     chosen,
     numbered,
-    read_json,
     stacked_people,
 )
+from stcalib_ros.io.datasets.opencv_storage import OpencvStorage
+from stcalib_ros.io.json_files import MALFORMED, read_json
 
 _JOINTS = 25
 _KEYPOINTS_3D = ("keypoints3d", "output/keypoints3d", "output-keypoints3d/keypoints3d")
@@ -41,10 +42,10 @@ def read_easymocap(path: Path, options: DatasetOptions) -> Dataset:
     InputError
         A file is missing or has another form.
     """
-    intri, extri = _storage(path / "intri.yml"), _storage(path / "extri.yml")
-    all_names = _strings(intri.getNode("names"))
-    names = [all_names[k] for k in chosen(path, all_names, options.cameras)]
+    intri, extri = OpencvStorage(path / "intri.yml"), OpencvStorage(path / "extri.yml")
     try:
+        all_names = intri.names("names")
+        names = [all_names[k] for k in chosen(path, all_names, options.cameras)]
         annots = _annotations(path, names, options)
         people = _people(path, options)
         numbers = sorted(people or {n for of_camera in annots for n in of_camera})
@@ -54,41 +55,20 @@ def read_easymocap(path: Path, options: DatasetOptions) -> Dataset:
             path=path,
             names=tuple(names),
             image_size=_image_size(path, names, annots, intri),
-            K=np.stack([_matrix(intri, f"K_{name}") for name in names]),
-            dist=np.stack([_matrix(intri, f"dist_{name}").ravel()[:5] for name in names]),
-            R=np.stack([cv2.Rodrigues(_matrix(extri, f"R_{name}"))[0] for name in names]),
-            t=np.stack([_matrix(extri, f"T_{name}").ravel() for name in names]),
+            K=np.stack([intri.matrix(f"K_{name}") for name in names]),
+            dist=np.stack([intri.matrix(f"dist_{name}").ravel()[:5] for name in names]),
+            R=np.stack([cv2.Rodrigues(extri.matrix(f"R_{name}"))[0] for name in names]),
+            t=np.stack([extri.matrix(f"T_{name}").ravel() for name in names]),
             fps=float("nan"),
             frame_number=np.array(numbers),
             joint_names=LAYOUTS["body_25"].joint_names if people else (),
             joints_world=stacked_people([people[n] for n in people], _JOINTS),
             boxes=_boxes(annots, numbers),
         )
-    except (KeyError, TypeError, ValueError, IndexError, cv2.error) as error:
+    except (*MALFORMED, cv2.error) as error:
         raise InputError(
             f"{path} is not an EasyMocap scene ({type(error).__name__}: {error})"
         ) from error
-
-
-def _storage(path: Path) -> cv2.FileStorage:
-    if not path.is_file():
-        raise InputError(f"no such file: {path}")
-    try:
-        return cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-    except cv2.error as error:
-        raise InputError(f"{path} is not a file of OpenCV's FileStorage") from error
-
-
-def _strings(node: cv2.FileNode) -> list[str]:
-    values = [node.at(k) for k in range(node.size())]
-    return [v.string() or str(int(v.real())) for v in values]
-
-
-def _matrix(storage: cv2.FileStorage, key: str) -> Float64Array:
-    found = storage.getNode(key).mat()
-    if found is None:
-        raise KeyError(key)
-    return np.asarray(found, dtype=np.float64)
 
 
 def _annotations(
@@ -123,13 +103,13 @@ def _image_size(
     path: Path,
     names: list[str],
     annots: list[dict[int, dict[str, Any]]],
-    intri: cv2.FileStorage,
+    intri: OpencvStorage,
 ) -> IntArray:
     sizes = []
     for name, of_camera in zip(names, annots, strict=True):
         first = next(iter(of_camera.values()), {})
-        width = first.get("width") or intri.getNode(f"W_{name}").real()
-        height = first.get("height") or intri.getNode(f"H_{name}").real()
+        width = first.get("width") or intri.number(f"W_{name}")
+        height = first.get("height") or intri.number(f"H_{name}")
         if not width or not height:
             raise InputError(f"{path}: neither annots/{name} nor intri.yml gives the image size")
         sizes.append((int(width), int(height)))

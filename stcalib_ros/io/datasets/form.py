@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,10 @@ from numpy.typing import NDArray
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.visibility import project_visible
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
-from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.core.model.recording import Intrinsics
+from stcalib_ros.io.lens_model import opencv_intrinsics
+from stcalib_ros.io.limits import MAX_TABLE
+from stcalib_ros.io.plausible import require_lens, require_position, require_rotation
 
 _MIN_JOINTS = 6
 """Joints in the image, count, from which on a person counts as detected. Chosen."""
@@ -93,7 +95,20 @@ class Dataset:
     def lens(self, c: int) -> Intrinsics:
         """Lens of camera c."""
         width, height = (int(n) for n in self.image_size[c])
-        return Intrinsics(width, height, LensModel.PLUMB_BOB, self.K[c], self.dist[c])
+        return opencv_intrinsics((width, height), self.K[c], self.dist[c])
+
+    def require_cameras(self) -> None:
+        """Demand cameras through which points can be projected.
+
+        Raises
+        ------
+        InputError
+            A number of one is none of a camera; the message names it.
+        """
+        for c, name in enumerate(self.names):
+            require_lens(self.lens(c), f"{self.path}: camera {name}")
+            require_rotation(self.R[c], f"{self.path}: R of camera {name}")
+            require_position(self.t[c], f"{self.path}: t of camera {name}")
 
     def in_camera(self, c: int) -> Float64Array:
         """True joints (F, P, J, 3) in the frame of camera c."""
@@ -177,24 +192,6 @@ def arrays_of(dataset: Dataset, detections: Detections) -> dict[str, NDArray[Any
     }
 
 
-def read_json(path: Path) -> Any:
-    """Read a JSON file.
-
-    Raises
-    ------
-    InputError
-        It cannot be read.
-    """
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"no such file: {path}") from None
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
-    except ValueError as error:
-        raise InputError(f"{path} is not valid JSON: {error}") from error
-
-
 def chosen(path: Path, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
     """Return the positions of the wanted cameras; all if none is named.
 
@@ -207,8 +204,12 @@ def chosen(path: Path, names: Sequence[str], wanted: Sequence[str]) -> list[int]
     """
     if not wanted:
         return list(range(len(names)))
-    by_number = {str(int(n.rpartition("_")[2])): n for n in names if n.rpartition("_")[2].isdigit()}
-    found = [w if w in names else by_number.get(str(int(w)) if w.isdigit() else w) for w in wanted]
+    by_number = {
+        str(int(n.rpartition("_")[2])): n for n in names if n.rpartition("_")[2].isdecimal()
+    }
+    found = [
+        w if w in names else by_number.get(str(int(w)) if w.isdecimal() else w) for w in wanted
+    ]
     if missing := [w for w, f in zip(wanted, found, strict=True) if f is None]:
         raise InputError(f"{path} has no camera {', '.join(missing)}: there are {', '.join(names)}")
     return [names.index(str(f)) for f in found]
@@ -226,7 +227,7 @@ def numbered(folder: Path, pattern: str, options: DatasetOptions) -> dict[int, P
     for path in sorted(folder.glob(pattern)):
         digits = path.stem.rpartition("_")[2] if "_" in path.stem else path.stem
         digits = digits.removeprefix("body3DScene")
-        if digits.isdigit() and options.has(int(digits)):
+        if digits.isdecimal() and options.has(int(digits)):
             files[int(digits)] = path
     if not files:
         raise InputError(f"no {pattern} with a wanted frame number in {folder}")
@@ -236,6 +237,10 @@ def numbered(folder: Path, pattern: str, options: DatasetOptions) -> dict[int, P
 def stacked_people(frames: Sequence[dict[int, Float64Array]], n_joints: int) -> Float64Array:
     """Stack the joints (F, P, J, 3) of people by id in each frame; P are all ids, in order."""
     ids = sorted({i for people in frames for i in people})
+    if len(ids) * len(frames) > MAX_TABLE:
+        raise InputError(
+            f"{len(ids)} people in {len(frames)} frames are too many: choose frames with --frames"
+        )
     out = np.full((len(frames), len(ids), n_joints, 3), np.nan)
     for f, people in enumerate(frames):
         for i, joints in people.items():

@@ -18,10 +18,13 @@ import numpy as np
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.io.datasets.form import Dataset, DatasetOptions, chosen, read_json
+from stcalib_ros.io.datasets.form import Dataset, DatasetOptions, chosen
+from stcalib_ros.io.json_files import MALFORMED, read_json
 
 _SIZE = (640, 360)
 _MM = 0.001
+_LEVELS = 3
+"""Folders above that of a scene, down from ROOT."""
 
 
 def read_mmptrack(path: Path, options: DatasetOptions) -> Dataset:
@@ -32,8 +35,11 @@ def read_mmptrack(path: Path, options: DatasetOptions) -> Dataset:
     InputError
         A file is missing or has another form.
     """
+    above = path.absolute().parents
+    if len(above) < _LEVELS:
+        raise InputError(f"{path} is not an MMPTRACK scene: expected ROOT/labels/SESSION/SCENE")
     environment = path.name.rstrip("0123456789").rstrip("_")
-    calibration = path.parents[2] / "calibrations" / environment / "calibrations.json"
+    calibration = above[_LEVELS - 1] / "calibrations" / environment / "calibrations.json"
     content = read_json(calibration)
     try:
         cameras = {str(c["CameraId"]): c for c in content["Cameras"]}
@@ -55,7 +61,7 @@ def read_mmptrack(path: Path, options: DatasetOptions) -> Dataset:
             joints_world=np.zeros((len(numbers), 0, 0, 3)),
             boxes=boxes,
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except MALFORMED as error:
         raise InputError(
             f"{path} is not an MMPTRACK scene ({type(error).__name__}: {error})"
         ) from error

@@ -23,9 +23,9 @@ from stcalib_ros.io.datasets.form import (
     DatasetOptions,
     chosen,
     numbered,
-    read_json,
     stacked_people,
 )
+from stcalib_ros.io.json_files import MALFORMED, read_json
 
 _FPS = 29.97
 _CM = 0.01
@@ -64,7 +64,7 @@ def read_panoptic(path: Path, options: DatasetOptions) -> Dataset:
             joints_world=stacked_people(people, _JOINTS),
             boxes=np.zeros((0, 7)),
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except MALFORMED as error:
         raise InputError(
             f"{path} is not a Panoptic sequence ({type(error).__name__}: {error})"
         ) from error

@@ -129,7 +129,7 @@ def test_unusable_clips_are_refused(tmp_path):
         (tmp_path / "clip.npz").write_bytes(content)
         with pytest.raises(InputError, match="not a motion clip"):
             read_clip(tmp_path / "clip.npz")
-    with pytest.raises(InputError, match="No such file"):
+    with pytest.raises(InputError, match="no such file"):
         read_clip(tmp_path / "absent.npz")
 
 
