@@ -147,6 +147,11 @@ LOOK_S = 0.5
 LOAD_SPAN_S = 60.0
 """Seconds. Delays and durations on /diagnostics are those of the last so many."""
 
+SOLVER_MB = 1000
+"""Megabytes. The solver's process may take so much beside the images that it is given; with more,
+the run fails and says so. Simulated runs take 60 MB (4 cameras, 3 people, 10 s), 150 MB (8 cameras,
+5 people, 30 s), 170 MB (3 cameras, 12 people, 30 s): measured as the growth of VmData."""
+
 STOP_S = 1.0
 """Seconds. A run is given this long to end when the node stops; then the process leaves it. Below
 the 5 s that launch waits between SIGINT and SIGTERM."""

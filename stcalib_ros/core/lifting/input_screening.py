@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from stcalib_ros.core.lifting.intrinsics_checks import intrinsics_faults
 from stcalib_ros.core.lifting.keypoint_checks import (
     keypoint_faults,
     keypoint_remarks,
@@ -54,6 +55,7 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     tracked = [with_tracks(camera) for camera in timed.recording.cameras]
     given = replace(timed.recording, cameras=tuple(one.camera for one in tracked))
     faults = {one.camera.name: one.fault for one in tracked if one.fault is not None}
+    faults |= intrinsics_faults(given, min_score=options.min_score)
     faults |= keypoint_faults(given, min_score=options.min_score)
     faults |= timed.faults
     remarks = timed.remarks + tuple(one.remark for one in tracked if one.remark is not None)
