@@ -18,6 +18,7 @@ from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, la
 from stcalib_ros.core.lifting.views import LiftedViews
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Insufficient
+from stcalib_ros.core.model.rejection import RejectionReason
 from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, resect
@@ -26,6 +27,13 @@ from stcalib_ros.core.registration.resampling import Grid
 from stcalib_ros.core.validation.camera_checks import CameraChecks, check_cameras, rejection
 from stcalib_ros.core.validation.thresholds import DEFAULT
 from stcalib_ros.core.validation.verdict import Solution, rival_solution, unsettled_cameras
+
+_UNSTEADY = (
+    RejectionReason.CLOCK_NOT_STEADY,
+    RejectionReason.POSE_CHANGED,
+    RejectionReason.PART_DISAGREES,
+)
+"""Reasons for which a camera has no one pose and clock that it could be registered at."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,6 +196,8 @@ def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
             for i, (c, checks) in enumerate(zip(rig.cameras, found.checks, strict=True))
             if (why := rejection(checks, camera=names[c])) is not None
         }
+        # Others may fail because of what is wrong with these.
+        failed = {i: failed[i] for i in failed if found.checks[i].inconsistencies} or failed
         if not failed or len(failed) >= DEFAULT.max_failed_fraction * len(found.checks):
             break
         worst = min(failed, key=lambda i: _reliability(found.checks[i]))
@@ -211,9 +221,10 @@ def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Soluti
     if not before.sound:
         return before
     views, present = problem.views, before.last.rig.cameras.tolist()
+    unsteady = {one.name for one in before.exclusions.cameras if one.rejection.reason in _UNSTEADY}
     found: dict[int, Resection] = {}
     for c in problem.cameras:
-        if c not in present:
+        if c not in present and problem.exclusions.names[c] not in unsteady:
             problem.control.tick("registration of a camera that was left out", 0.0)
             one = resect(views.lifted, c, views.skeleton, before.last, problem.options)
             found |= {} if one is None else {c: one}

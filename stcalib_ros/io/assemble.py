@@ -11,6 +11,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.recording import CameraRecording, Recording, Track, unknown_joints
+from stcalib_ros.io.limits import MAX_REPEATED_IDS
 from stcalib_ros.io.messages import (
     NS,
     CameraInfoFields,
@@ -54,7 +55,8 @@ def assemble_recording(cameras: Sequence[CameraImages], *, warn: Warn) -> Record
     """Make a recording of what arrived, cameras in the given order.
 
     Stamps are ordered; of images with one stamp, and of persons with one track id in an image, the
-    one with the higher score is kept. Both are counted and reported to `warn`.
+    one with the higher score is kept. Both are counted and reported to `warn`. Where ids repeat in
+    most of the images with several persons, nobody tracks them, and everyone gets an own id.
 
     Raises
     ------
@@ -138,14 +140,7 @@ def _tracks(topic: str, images: Sequence[PoseImage], warn: Warn) -> tuple[Track,
     frames = np.repeat(np.arange(len(images), dtype=np.int64), counts)
     ids: IntArray = np.concatenate([image.track_ids for image in images])
     scores: Float64Array = np.concatenate([image.scores for image in images])
-    order = np.lexsort((-scores, frames, ids))
-    same = (np.diff(ids[order]) == 0) & (np.diff(frames[order]) == 0)
-    if same.any():
-        warn(
-            f"{topic}: {int(same.sum())} persons have a track id that another person of the same "
-            "image has; those with the higher score are kept"
-        )
-    order = order[np.concatenate([[True], ~same])]
+    ids, order = _by_track(topic, frames, ids, scores, warn)
     keypoints = np.concatenate([image.keypoints for image in images])
     joints = _joints(images)
     joint_scores = np.concatenate([image.joint_scores for image in images])
@@ -160,6 +155,30 @@ def _tracks(topic: str, images: Sequence[PoseImage], warn: Warn) -> tuple[Track,
         )
         for rows in np.split(order, starts)
     )
+
+
+def _by_track(
+    topic: str, frames: IntArray, ids: IntArray, scores: Float64Array, warn: Warn
+) -> tuple[IntArray, IntArray]:
+    """Return the track ids of all persons, and those to keep in the order of track and image."""
+    order = np.lexsort((-scores, frames, ids))
+    same = (np.diff(ids[order]) == 0) & (np.diff(frames[order]) == 0)
+    if not same.any():
+        return ids, order
+    n_repeated = len(np.unique(frames[order][1:][same]))
+    n_several = int((np.bincount(frames) > 1).sum())
+    if n_repeated > MAX_REPEATED_IDS * n_several:
+        warn(
+            f"{topic}: persons have the track id of another one in {n_repeated} of {n_several} "
+            "images with several: ids are not used"
+        )
+        everyone = np.arange(len(ids), dtype=np.int64)
+        return everyone, everyone
+    warn(
+        f"{topic}: {int(same.sum())} persons have a track id that another person of the same "
+        "image has; those with the higher score are kept"
+    )
+    return ids, order[np.concatenate([[True], ~same])]
 
 
 def _joints(images: Sequence[PoseImage]) -> Float32Array | None:

@@ -78,6 +78,11 @@ PLUMB_BOB_COEFFICIENTS = 5
 """Distortion coefficients. Those of plumb_bob in OpenCV's order are k1 k2 p1 p2 k3; a longer list
 is of the rational model. By definition."""
 
+MAX_REPEATED_IDS = 0.5
+"""Fraction of the images with several persons. Where an id repeats in more of them, nobody tracks
+people, and ids are not used. Chosen: trackers repeat one in an image now and then at most, and an
+estimator without a tracker that sends zeros does in all."""
+
 SAME_PERSON = 0.15
 """Fraction of the height of the person in the image. A detection is of the true person whose joints
 are nearest if their median distance is below this. It decides only which true identity a detection

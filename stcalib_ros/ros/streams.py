@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core.model.keypoint_layouts import Layout
-from stcalib_ros.io.messages import NS, PoseImage, format_stamp
+from stcalib_ros.io.messages import NS, Float32Array, PoseImage, format_stamp
 from stcalib_ros.ros.limits import (
     CONFIRMING_IMAGES,
     MAX_ASIDE_STEP_S,
@@ -312,14 +313,22 @@ def _difference(before: PoseImage, after: PoseImage) -> str:
 
 
 def _somebody_moves(before: PoseImage, after: PoseImage) -> bool:
-    """Whether the keypoints of any track are displaced by more than noise."""
+    """Whether the keypoints of any track are displaced by more than noise.
+
+    Where no id is in both images, nobody tracks people; then a person is the nearest of before.
+    """
     _, rows, others = np.intersect1d(before.track_ids, after.track_ids, return_indices=True)
-    for a, b in zip(before.keypoints[rows], after.keypoints[others], strict=True):
-        observed = np.isfinite(a).all(-1) & np.isfinite(b).all(-1)
-        if observed.sum() < MIN_MOVING_JOINTS:
-            continue
-        height = float(np.ptp(b[observed, 1]))
-        displacement = float(np.median(np.linalg.norm(b[observed] - a[observed], axis=-1)))
-        if displacement > MIN_MOTION * max(height, 1.0):
-            return True
-    return False
+    pairs = zip(before.keypoints[rows], after.keypoints[others], strict=True)
+    moved = [_displacement(a, b) for a, b in pairs]
+    if not len(rows) and len(before.keypoints):
+        moved = [min(_displacement(a, b) for a in before.keypoints) for b in after.keypoints]
+    return any(MIN_MOTION < one < math.inf for one in moved)
+
+
+def _displacement(a: Float32Array, b: Float32Array) -> float:
+    """Median displacement of the keypoints of a person, body heights; infinite where unknown."""
+    observed = np.isfinite(a).all(-1) & np.isfinite(b).all(-1)
+    if observed.sum() < MIN_MOVING_JOINTS:
+        return math.inf
+    height = max(float(np.ptp(b[observed, 1])), 1.0)
+    return float(np.median(np.linalg.norm(b[observed] - a[observed], axis=-1))) / height

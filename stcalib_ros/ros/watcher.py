@@ -12,7 +12,9 @@ import numpy as np
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
+from stcalib_ros.core.monitoring.drift import ClockHistory
 from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
+from stcalib_ros.core.monitoring.noise import Noise
 from stcalib_ros.core.monitoring.spans import Span, check_span
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
 from stcalib_ros.io.messages import NS
@@ -74,7 +76,8 @@ class Watcher:
         self._clocks = {} if calibration is None else corrections_of(calibration)
         self._calibration, self._pending, self._spans = calibration, None, []
         cameras = () if calibration is None else calibration.cameras
-        self._verdicts = {camera.name: Verdict(camera.name) for camera in cameras}
+        known = ClockHistory() if calibration is None else ClockHistory(calibration.window_s[1])
+        self._verdicts = {camera.name: Verdict(camera.name, clock=known) for camera in cameras}
 
     def look(
         self,
@@ -125,6 +128,7 @@ class Watcher:
             start_s=start_s,
             min_score=min_score,
             lead_s={name: lead for name, lead in lead_s.items() if abs(lead) > LATE_S},
+            noise=self._spans[-1].noise if self._spans else Noise(),
         )
 
     def news(self, thresholds: Thresholds) -> tuple[Verdict, ...]:
@@ -172,8 +176,9 @@ def _examined(
     start_s: float,
     min_score: float,
     lead_s: Mapping[str, float],
+    noise: Noise,
 ) -> Span:
-    empty = Span(start_s, start_s + SPAN_S, {}, lead_s)
+    empty = Span(start_s, start_s + SPAN_S, {}, lead_s, noise)
     if len(images) < MIN_CAMERAS:
         return empty
     try:
@@ -187,4 +192,5 @@ def _examined(
         end_s=start_s + SPAN_S,
         min_score=min_score,
         lead_s=lead_s,
+        noise=noise,
     )

@@ -149,6 +149,13 @@ def test_of_two_that_come_instead_the_one_with_more_wins(scene):
     assert {image.metric for image in camera.images} == {False}
 
 
+def test_how_long_ago_a_message_was_dropped(scene):
+    assert scene.counts.dropped_age_s == np.inf
+    scene.send(101.0, layout="x" * 10_000)
+    scene.wait(7.0)
+    assert (scene.counts.dropped, scene.counts.dropped_age_s) == (1, pytest.approx(7.0))
+
+
 def test_a_lens_that_somebody_else_sends_is_dropped(scene):
     for _ in range(40):
         scene.wait(0.5)
@@ -254,3 +261,16 @@ def test_memory_is_bounded_whatever_comes_and_a_camera_gets_through_after_it(sou
         scene.info()
     assert scene.stamps_s == pytest.approx(5000.0 + STEP_S * np.arange(299, 400))
     assert scene.buffers.snapshot()[0].info.width == 640
+
+
+@pytest.mark.parametrize("step_px", [0.0, 15.0])
+def test_people_move_though_their_ids_are_no_tracks(step_px):
+    scene = Scene()
+    scene.info()
+    for k in range(40):
+        message = poses(100.0 + k * STEP_S, x=100.0 + step_px * k, persons=2)
+        for person, number in zip(message.persons, (2 * k, 2 * k + 1), strict=True):
+            person.track_id = number
+        scene.now_s += STEP_S
+        scene.buffers.add_poses("cam0", message)
+    assert bool(scene.buffers.moving()["cam0"]) == (step_px > 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -152,6 +153,22 @@ def test_a_clock_that_drifts_as_calibrated_is_no_alarm(quiet, skew):
     said = live.play()
     assert {(v.name, v.state) for v in said} == {(n, State.OK) for n in quiet.rig.names}
     assert live.watcher.complaint == ""
+
+
+def test_a_clock_that_is_off_after_a_long_time_may_have_drifted(quiet):
+    """The rate is not known: after an hour 40 ppm are 144 ms."""
+    live, hour_s = Live(quiet), 3600.0
+    late = tuple(
+        replace(c, time_offset_s=c.time_offset_s + 40e-6 * hour_s) if c.name == "cam1" else c
+        for c in quiet.truth.cameras
+    )
+    start_s, end_s = quiet.truth.window_s
+    live.watcher.begin(
+        replace(quiet.truth, cameras=late, window_s=(start_s - hour_s, end_s - hour_s))
+    )
+    assert alarms(live.play()) == [("cam1", State.CLOCK)]
+    said = r"the clock of cam1 has jumped or drifted by \+14\d ms within 60 minutes"
+    assert re.match(said, live.watcher.complaint)
 
 
 def test_who_comes_late_is_waited_for(turned):

@@ -17,9 +17,29 @@ where tracks are compared: half a swing of an arm takes longer. Chosen; the adju
 observed only."""
 
 
+_SPAN_IMAGES = 24
+"""Count. The mean period is known from spans of so many images. Derived: one bunch more or less of
+three images is an eighth of the span, and half of all spans may have a gap in them."""
+
+_LEAST_USUAL = 0.5
+"""Ratio to the mean period. A median interval that is less is one within bunches. Derived: where
+images are lost at random, the mean period is twice the median interval at most."""
+
+
+def mean_period(stamps: Float64Array) -> float:
+    """Time between images over spans of many, seconds: robust against bunches and long gaps."""
+    if len(stamps) < 2:
+        return float("inf")
+    n = max(1, min(_SPAN_IMAGES, (len(stamps) - 1) // 4))
+    return float(np.median(stamps[n:] - stamps[:-n])) / n
+
+
 def frame_period(stamps: Float64Array) -> float:
-    """Usual time between images, seconds: robust against dropped frames and jitter."""
-    return float(np.median(np.diff(stamps))) if len(stamps) > 1 else float("inf")
+    """Usual time between images, seconds: robust against dropped frames, jitter and bunches."""
+    if len(stamps) < 2:
+        return float("inf")
+    usual, mean = float(np.median(np.diff(stamps))), mean_period(stamps)
+    return usual if usual >= _LEAST_USUAL * mean else mean
 
 
 def bridged(values: FloatArray, stamps: Float64Array, *, longest_s: float) -> FloatArray:

@@ -6,9 +6,10 @@ disagreement between cameras.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from stcalib_ros.core.lifting.intrinsics_checks import intrinsics_faults
 from stcalib_ros.core.lifting.keypoint_checks import (
     keypoint_faults,
     keypoint_remarks,
@@ -16,8 +17,9 @@ from stcalib_ros.core.lifting.keypoint_checks import (
 )
 from stcalib_ros.core.lifting.pose_axes import with_projecting_poses
 from stcalib_ros.core.lifting.pose_units import in_metres
-from stcalib_ros.core.lifting.track_checks import track_faults
-from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.lifting.time_base import mended_time_base
+from stcalib_ros.core.lifting.track_checks import with_tracks
+from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rejection import Rejection, Remark
 from stcalib_ros.core.options import Options
 
@@ -49,13 +51,44 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     recording : Recording
     options : Options
     """
-    faults = track_faults(recording) | keypoint_faults(recording, min_score=options.min_score)
-    remarks = keypoint_remarks(recording, min_score=options.min_score)
-    usable = without_people(recording, faults)
+    timed = mended_time_base(recording, options)
+    tracked = [with_tracks(camera) for camera in timed.recording.cameras]
+    given = replace(timed.recording, cameras=tuple(one.camera for one in tracked))
+    faults = {one.camera.name: one.fault for one in tracked if one.fault is not None}
+    faults |= intrinsics_faults(given, min_score=options.min_score)
+    faults |= keypoint_faults(given, min_score=options.min_score)
+    faults |= timed.faults
+    remarks = timed.remarks + tuple(one.remark for one in tracked if one.remark is not None)
+    remarks += keypoint_remarks(given, min_score=options.min_score)
+    usable = without_people(given, faults)
+    # The paper's method cannot do without 3D poses.
     needed = options.registration.method == "vmf"
-    cameras = list(usable.cameras)
-    for k, given in enumerate(usable.cameras if not needed else ()):
-        cameras[k], axes = with_projecting_poses(given, min_score=options.min_score)
+    cameras, on_poses = _with_usable_poses(usable.cameras, options.min_score, needed=needed)
+    return ScreenedInput(replace(usable, cameras=cameras), faults, remarks + on_poses)
+
+
+def readable_input(recording: Recording, *, min_score: float) -> Recording:
+    """Return a recording with tracks that follow persons, and 3D poses that project, in metres.
+
+    Parameters
+    ----------
+    recording : Recording
+    min_score : float
+        Joints with a lower score are not looked at.
+    """
+    tracked = [with_tracks(camera).camera for camera in recording.cameras]
+    cameras, _ = _with_usable_poses(tracked, min_score)
+    return replace(recording, cameras=cameras)
+
+
+def _with_usable_poses(
+    given: Sequence[CameraRecording], min_score: float, *, needed: bool = False
+) -> tuple[tuple[CameraRecording, ...], tuple[Remark, ...]]:
+    """Return cameras without 3D poses that do not project, and with the others in metres."""
+    cameras = list(given)
+    remarks: tuple[Remark, ...] = ()
+    for k, camera in enumerate(given if not needed else ()):
+        cameras[k], axes = with_projecting_poses(camera, min_score=min_score)
         remarks += axes
     in_units, units = in_metres(cameras, needed=needed)
-    return ScreenedInput(replace(usable, cameras=in_units), faults, remarks + units)
+    return in_units, remarks + units

@@ -117,7 +117,14 @@ def _lift_camera(
                 )
             )
     shutter = shutter or GLOBAL
-    return LiftedCamera(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter)
+    return LiftedCamera(
+        camera.name,
+        shutter.times(camera.stamps),
+        tuple(tracks),
+        shutter,
+        received=camera.received,
+        intrinsics=camera.intrinsics,
+    )
 
 
 def _used_keypoints(track: Track, columns: IntArray, min_score: float) -> FloatArray:

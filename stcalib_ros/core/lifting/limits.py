@@ -50,6 +50,57 @@ ONE_PLACE_PX = 1.0
 out. Derived: keypoints have errors of pixels, so that nothing could be estimated from such a pose;
 people of whom something can are tens of px tall."""
 
+MAX_OFF_CENTRE = 0.2
+"""Fraction of the size of the sensor. A camera whose principal point is further from its middle is
+rejected. Measured: 16 real lenses have up to 0.05; K that is divided by the binning twice has 0.25,
+K of an image of 1920 x 1080 beside a size of 1280 x 720 has 0.25, coordinates that are shares or
+exchanged have 0.28 and more."""
+
+EXPLAINED_OFF_CENTRE = 0.1
+"""The same where it would be in the middle if its coordinates were exchanged, or if K were that of
+an image of another size. Chosen between 0.05 of real lenses, and 0.125 of K of three quarters of
+the image."""
+
+NEAR_CENTRE = 0.03
+"""Fraction of the size of the sensor. How near the middle such an explanation has to bring it.
+Chosen: most real lenses are within."""
+
+VIEW_RANGE_DEG = (3.0, 175.0)
+"""Degrees. Fields of view, of the whole sensor, that a lens may have. Chosen: a long tele lens has
+5; plane images of more than 150 cannot be used. K in millimetres or as a share of the size is
+beyond."""
+
+FISHEYE_DEG = 360.0
+"""Degrees. The same of an equidistant lens at most, corners included: real ones have up to 250.
+Derived."""
+
+MAX_PIXEL_RATIO = 2.2
+"""Ratio of fx and fy, either way. Derived: 2 where only one direction is binned; pixels are nearly
+square else."""
+
+MAX_OUTSIDE = 0.1
+"""Fraction of the poses of a camera. With more that have half of their keypoints outside of the
+image, keypoints and CameraInfo are of different images. Measured: none in simulated scenes and
+0.0 % on real ones; chosen so that estimators that guess what the edge cuts off do no harm."""
+
+OUTSIDE_MARGIN = 0.02
+"""Fraction of the image. Keypoints are outside that are further from it. Chosen: errors of
+keypoints at the edge are smaller."""
+
+IN_CORNER = 0.52
+"""Fraction of the image, in both directions. A camera all of whose keypoints are within this of
+the corner at (0, 0) has those of a smaller image. Derived: usual sizes are 1/2, 1/3 and less, and
+detectors go a little beyond the edge. People who walk in one half of the view fill the other
+direction; on 12 real cameras and 92 simulated scenes they reach to 0.72 and more in one of them."""
+
+FILLS_CORNER = 0.5
+"""Fraction of that part. People who move through less of it in either direction may just as well
+stand there. Chosen."""
+
+MIN_POSES_PLACED = 60
+"""Poses of a camera, count. With fewer nothing is said about where in the image they are. Chosen
+like `MIN_TRACKED_POSES`."""
+
 NORMALISED_PX = 2.0
 """px from the centre of the top left pixel. A camera with no keypoint beyond has them in fractions
 of the image, 0..1 or -1..1, and is rejected. Derived: those of joints that are guessed outside of
@@ -80,6 +131,15 @@ Chosen, like the longest gap within which registration keeps a track."""
 LONGEST_BREAK_FRAMES = 3.0
 """Frame periods. See `LONGEST_BREAK_S`: cameras of two images a second have tracks as well.
 Chosen."""
+
+MAX_ASTRAY = 0.2
+"""Ratio to the size of a person in the image. Where poses are linked to tracks, one that is further
+from where the track would have gone, and than `STRAY_SPEED` allows, begins another. Chosen: of
+eight people who cover each other a third as many are exchanged as with `TRACK_JUMP` alone."""
+
+STRAY_SPEED = 2.0
+"""Sizes of a person per second. See `MAX_ASTRAY`. Derived: people who turn round within a
+second."""
 
 MIN_TRACKED_POSES = 60
 """Poses of a camera, count. With fewer nothing is said about its ids. Chosen: two seconds of one
@@ -120,3 +180,46 @@ Chosen: the limbs have twelve."""
 MIN_SAMPLED_POSES = 20
 """Poses of a camera, count. With fewer nothing is said about their axes. Chosen: medians over fewer
 would hang on one or two people in one moment."""
+
+CLOSEST_IMAGES_S = 1e-3
+"""Seconds. Images are taken no closer to each other: stamps that are, are not those of exposures.
+Derived: pose estimators run at 300 Hz at most."""
+
+SHORT_INTERVAL = 0.5
+"""Ratio to the mean period. Intervals below it are short, and within a bunch. Derived: jitter of a
+tenth of the period makes one of 5,000."""
+
+VERY_SHORT_INTERVAL = 0.25
+"""Ratio to the mean period. See `SOME_SHORT`. Derived: jitter of a sixth of the period makes one of
+1,000 intervals so short."""
+
+SOME_SHORT = 0.02
+"""Fraction of the intervals. With as many very short ones, stamps may come in bunches now and then,
+and the keypoints are asked. Chosen: a buffer that is held up once in 15 s, for ten images."""
+
+MANY_SHORT = 0.25
+"""Fraction of the intervals. Stamps with as many short ones come in bunches; if they cannot be made
+even, the camera is left out. Derived: bunches of two have 0.5; with fewer most stamps are right."""
+
+EVEN_RATIO = 0.7
+"""Ratio of the squared roughness of the motion of keypoints by even stamps over that by the stamps.
+Below it images were taken evenly. Measured: 0.18 to 0.36 for bunches of two and three, in simulated
+scenes and in benchmarks/data; 1.4 and more where images were lost in pauses of the camera."""
+
+UNEVEN_POSITION = 0.15
+"""Fraction of the time from the image before to that after. Images as near to the middle by their
+stamps do not show whether these are right. Chosen: a third of it for one lost image."""
+
+MOVING_QUANTILE = 0.75
+"""Quantile of the ways of keypoints. See `EVEN_RATIO`: only noise is seen of those who stand still.
+Chosen."""
+
+OVERLAP_MARGIN_S = 1.0
+"""Seconds. Images are near those of another camera within twice the range of offsets and this more:
+what a person is seen for at least. Chosen."""
+
+MAX_GRID_FACTOR = 50.0
+"""Ratio of the time from the first to the last image of all cameras over the time for which the
+camera with most images has them. With more, images that no other camera can share, and all
+but the fullest stretch, are left out. Chosen: two clips of 10 s that are 15 minutes apart have 46;
+time and memory of the association grow with it."""

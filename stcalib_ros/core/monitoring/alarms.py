@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -19,6 +19,7 @@ from stcalib_ros.core.monitoring.change_detection import (
     Finding,
     explains,
 )
+from stcalib_ros.core.monitoring.drift import ClockHistory
 from stcalib_ros.core.monitoring.limits import (
     CONFIRMING_SPANS,
     KEPT_SPANS,
@@ -46,6 +47,7 @@ class State(Enum):
     OK = "ok"
     MOVED = "moved"
     CLOCK = "clock has jumped"
+    DRIFTED = "clock has drifted"
     BOTH = "moved, and clock has jumped"
     UNMATCHED = "unmatched"
     STAMPS_OFF = "stamps off"
@@ -96,6 +98,10 @@ class Verdict:
         the camera back is one, too); NaN without a change.
     suspects : tuple of str
         Cameras of which one has changed, where it cannot be determined which; else empty.
+    clock : ClockHistory
+        What was known about its clock before an alarm.
+    unknown_s : float
+        Time before an alarm about the clock in which nothing was known of it; 0 if not long.
     """
 
     name: str
@@ -107,6 +113,8 @@ class Verdict:
     expected_px: float = math.nan
     since_s: float = math.nan
     suspects: tuple[str, ...] = ()
+    clock: ClockHistory = field(default_factory=ClockHistory)
+    unknown_s: float = 0.0
 
     def sentence(self) -> str:
         """Return what has happened in words, to be followed by what to do."""
@@ -114,7 +122,10 @@ class Verdict:
         turned = f"turned by {self.rotation_deg:.1f} degrees"
         if self.shift_m > 0:
             turned += f" and shifted by {self.shift_m:.2f} m"
-        jumped = f"jumped by {1e3 * self.clock_jump_s:+.0f} ms"
+        advance = f"by {1e3 * self.clock_jump_s:+.0f} ms"
+        jumped = f"jumped {advance}"
+        if self.unknown_s:
+            jumped = f"jumped or drifted {advance} within {self.unknown_s / 60:.0f} minutes"
         usual = f"{self.expected_px:.0f} px are usual"
         residuals = f"{self.residual_px:.0f} px from the others, {usual}"
         return {
@@ -122,6 +133,11 @@ class Verdict:
             State.OK: f"{who} agrees with the calibration",
             State.MOVED: f"{who} has moved, as if {turned} ({residuals})",
             State.CLOCK: f"the clock of {who} has {jumped} ({residuals})",
+            State.DRIFTED: (
+                f"the clock of {who} has drifted {advance} ({residuals}): its rate is not known "
+                "well enough; synchronise the clocks by NTP or PTP, or calibrate from a minute or "
+                "more of people, by which rates are estimated"
+            ),
             State.BOTH: (
                 f"{who} has moved, as if {turned}, and its clock has {jumped} ({residuals})"
             ),
@@ -165,7 +181,10 @@ def _verdict(spans: Sequence[Span], before: Verdict, thresholds: Thresholds) -> 
     lead_s = [s.lead_s[name] for s in spans[-CONFIRMING_SPANS:] if name in s.lead_s]
     if len(lead_s) == CONFIRMING_SPANS:
         since_s = _since(spans[-1], before)
-        return Verdict(name, State.STAMPS_OFF, clock_jump_s=lead_s[-1], since_s=since_s)
+        return replace(
+            Verdict(name, State.STAMPS_OFF, clock_jump_s=lead_s[-1], since_s=since_s),
+            clock=before.clock,
+        )
     own = [(span, span.findings[name]) for span in spans if name in span.findings]
     own = [(span, f) for span, f in own if f.fit.n_points or f.expected or f.missed]
     if not own:
@@ -174,9 +193,27 @@ def _verdict(spans: Sequence[Span], before: Verdict, thresholds: Thresholds) -> 
     measured = replace(
         before, residual_px=RMS_OVER_MEDIAN * last.fit.before_px, expected_px=last.expected_px
     )
-    run = _run(own, lambda f: _suspicious(f, thresholds))
+    clear = [(span, f) for span, f in own if explains(f.fit, f.expected_px)]
+    run = _run(clear, lambda f: _suspicious(f, thresholds))
     changed = _changed(run[-RECENT_SPANS:], measured, thresholds)
-    return changed or _gone(own, measured, thresholds) or _confirmed(own, measured, thresholds)
+    found = changed or _gone(own, measured, thresholds) or _confirmed(own, measured, thresholds)
+    return found if found.state.alarm else _with_clock(found, *own[-1])
+
+
+def _with_clock(verdict: Verdict, span: Span, f: Finding) -> Verdict:
+    """Add what the last span says about the clock to the history, once.
+
+    Of two cameras that with the larger gain speaks for both: the other one was fitted with this
+    one corrected.
+    """
+    known = f.fit.n_points and explains(f.fit, f.expected_px)
+    if not known or verdict.clock.last_s == span.end_s:
+        return verdict
+    advance_s = -float(f.fit.change[CLOCK])
+    if len(span.findings) == 2:
+        (other,) = (found for name, found in span.findings.items() if name != verdict.name)
+        advance_s = float(other.fit.change[CLOCK]) if other.fit.gain > f.fit.gain else advance_s
+    return replace(verdict, clock=verdict.clock.after(span.end_s, advance_s))
 
 
 def _gone(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | None:
@@ -204,6 +241,7 @@ def _confirmed(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict:
         rotation_deg=math.degrees(float(np.linalg.norm(change[ROTATION]))),
         shift_m=float(np.linalg.norm(change[SHIFT])),
         clock_jump_s=-float(change[CLOCK]),
+        clock=ClockHistory() if measured.state.alarm else measured.clock,
     )
 
 
@@ -262,6 +300,8 @@ def _changed(run: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | 
     moved, jumped = _effect(change, depth_m, thresholds)
     state = State.MOVED if moved > jumped else State.CLOCK
     state = State.BOTH if min(moved, jumped) >= 1.0 else state
+    if state is State.CLOCK and _drifted(measured, -float(change[CLOCK]), thresholds):
+        state = State.DRIFTED
     rivals = frozenset.intersection(*(frozenset(f.rivals) for _, f in run))
     suspects = tuple(sorted({measured.name, *rivals})) if rivals else _pair(run[-1][0])
     first = agreeing[0][0]
@@ -272,7 +312,20 @@ def _changed(run: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | 
         shift_m=float(np.linalg.norm(change[SHIFT])),
         clock_jump_s=-float(change[CLOCK]),
         suspects=suspects,
+        unknown_s=_unknown_s(measured, first),
     )
+
+
+def _drifted(before: Verdict, advance_s: float, thresholds: Thresholds) -> bool:
+    """Whether a clock has come that far little by little; once it has, until it jumps."""
+    if before.state is State.DRIFTED:
+        return abs(advance_s - before.clock_jump_s) < thresholds.clock_s
+    return not before.state.alarm and before.clock.drifted(advance_s)
+
+
+def _unknown_s(before: Verdict, first: Span) -> float:
+    """Return the time before an alarm in which the clock was not observed; 0 if not long."""
+    return before.unknown_s if before.state.alarm else before.clock.unknown_s(first.end_s)
 
 
 def _pair(span: Span) -> tuple[str, ...]:
@@ -314,4 +367,5 @@ def _alarm(
         expected_px=measured.expected_px,
         since_s=since_s,
         suspects=suspects,
+        clock=measured.clock,
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stcalib_ros.core.geometry.robust import MIN_NOISE_PX, NOISE_MARGIN, RMS_OVER_MEDIAN
+from stcalib_ros.core.geometry.robust import NOISE_MARGIN, RMS_OVER_MEDIAN
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.monitoring.limits import (
@@ -21,6 +21,7 @@ from stcalib_ros.core.monitoring.limits import (
     MAX_FIT_RATIO,
     MIN_GAIN_TO_CORRECT,
     MIN_POINTS,
+    MIN_POINTS_OF_PAIR,
     MIN_SHIFT_GAIN,
     MIN_SHIFT_GAIN_RATIO,
     PRIOR_STDDEV,
@@ -69,6 +70,9 @@ class ChangeFit:
         Log-likelihood gained by the change, at least 0.
     n_points : int
         Number of compared pairs of keypoints.
+    left_px : (C,) ndarray
+        Robust standard deviation of the epipolar distance to every camera that the change leaves,
+        or that there is without it where that is less; NaN where nobody is common.
     """
 
     change: Float64Array
@@ -77,6 +81,7 @@ class ChangeFit:
     after_px: float
     gain: float
     n_points: int
+    left_px: Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +93,7 @@ class Finding:
     fit : ChangeFit
         Fit with all cameras corrected that gain more.
     expected_px : float
-        Epipolar distance to the others when the calibration was made, root mean square.
+        Usual epipolar distance to the others, standard deviation.
     depth_m : float
         Median distance of the people; NaN if nobody was observed.
     n_steps : int
@@ -109,16 +114,15 @@ class Finding:
     rivals: tuple[str, ...] = ()
 
 
-def detect_changes(obs: SpanObservations, expected_px: Float64Array) -> tuple[Finding, ...]:
+def detect_changes(obs: SpanObservations, noise: Float64Array) -> tuple[Finding, ...]:
     """Fit a change of every camera, those that gain most first.
 
     Parameters
     ----------
     obs : SpanObservations
-    expected_px : (C, C) ndarray
-        Epipolar distance of every two cameras when the calibration was made, root mean square.
+    noise : (C, C) ndarray
+        Usual epipolar distance of every two cameras, standard deviation, px.
     """
-    noise = np.maximum(expected_px, MIN_NOISE_PX)
     fits, rivals = _attribute(_without_implausible(obs, noise), noise)
     return tuple(
         Finding(
@@ -210,7 +214,7 @@ def fit_change(points: _PointPairs, parameters: IntArray) -> ChangeFit:
     zero, none = np.zeros(N_CHANGES), np.zeros((N_CHANGES, N_CHANGES))
     M, n = len(points.x), points.n
     if M < MIN_POINTS:
-        return ChangeFit(zero, none, np.nan, np.nan, 0.0, M)
+        return ChangeFit(zero, none, np.nan, np.nan, 0.0, M, np.full(points.n_cameras, np.nan))
     independent = n / M / CORRELATED_POINTS
     free = np.ix_(parameters, parameters)
     change, (start, J) = zero, points.residuals(zero)
@@ -233,7 +237,8 @@ def fit_change(points: _PointPairs, parameters: IntArray) -> ChangeFit:
         change, total, after = zero, 0.0, before
     information = none.copy()
     information[free] = ((J.T * independent / (points.noise**2 + r**2)) @ J)[free]
-    return ChangeFit(change, information, before, after, total, n)
+    left = np.fmin(points.spread(start), points.spread(r))
+    return ChangeFit(change, information, before, after, total, n, left)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,18 +253,37 @@ class _PointPairs:
     focal: Float64Array  # (M,) px
     noise: Float64Array  # (M,) px
     n: int  # number of pairs that the M represent
+    other: IntArray  # (M,) the other camera
+    n_cameras: int
 
     @staticmethod
     def of(obs: SpanObservations, c: int, noise_px: Float64Array) -> _PointPairs:
         """Pair the keypoints of camera c with those of all others."""
-        others = [j for j in range(len(obs.names)) if j != c]
+        C = len(obs.names)
+        others = [j for j in range(C) if j != c]
         parts = [_pair(obs, c, j, float(noise_px[j])) for j in others]
         n = sum(len(part[0]) for part in parts)
         stride = max(1, -(-n // _MAX_POINTS))
         x, v, y, t, R, focal, noise = (
             np.concatenate(column)[::stride] for column in zip(*parts, strict=True)
         )
-        return _PointPairs(x=x, v=v, y=y, t=t, R=R, focal=focal, noise=noise, n=n)
+        other = np.repeat(others, [len(part[0]) for part in parts])[::stride]
+        return _PointPairs(
+            x=x, v=v, y=y, t=t, R=R, focal=focal, noise=noise, n=n, other=other, n_cameras=C
+        )
+
+    def spread(self, residuals: Float64Array) -> Float64Array:
+        """Robust standard deviation (C,) of residuals (M,), by the other camera."""
+        size = np.abs(residuals)
+        of_camera = [size[self.other == j] for j in range(self.n_cameras)]
+        return np.array(
+            [
+                RMS_OVER_MEDIAN * float(np.median(one))
+                if len(one) >= MIN_POINTS_OF_PAIR
+                else np.nan
+                for one in of_camera
+            ]
+        )
 
     def residuals(self, change: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Return signed Sampson distances (M,), px, and their derivatives (M, 7).

@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.lens import bearings, project
 from stcalib_ros.core.integration.association import SLOT_SAMPLES, Association, associate
+from stcalib_ros.core.lifting.input_screening import readable_input
 from stcalib_ros.core.lifting.lift import lift_recording
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
@@ -35,8 +36,12 @@ RATE_HZ = 15.0
 SAMPLES_PER_S = 5.0
 """Time steps per second at which cameras are compared: successive poses of a person are correlated
 anyway (see limits.CORRELATED_POINTS); cost alone."""
+_SLOTS = 2
+"""Slots of a span, count, within each of which ids count as right: after an exchange of ids at most
+half of a span is lost. With one, a clock jump took more than 10 s in 2 of 9 scenes of two cameras,
+with two or four in none; four cost more."""
 _SLOT_MARGIN_S = 1e-3
-"""Seconds by which the one slot of the association is longer than the span, so that it contains the
+"""Seconds by which the slots of the association are longer than the span, so that they contain the
 last image."""
 _MAX_JOINT_SAMPLES = 4000
 """Joints of all persons in one camera, count; with more people, fewer joints of each are compared.
@@ -116,7 +121,8 @@ def associate_span(
         None if fewer than two of the calibration's cameras have images.
     """
     known = {camera.name: camera for camera in calibration.cameras}
-    present = [camera for camera in recording.cameras if camera.name in known]
+    readable = readable_input(recording, min_score=min_score)
+    present = [camera for camera in readable.cameras if camera.name in known]
     cameras = tuple(_thinned(camera) for camera in present if len(camera.stamps))
     if len(cameras) < 2:
         return None
@@ -155,7 +161,7 @@ def _thinned(camera: CameraRecording) -> CameraRecording:
                 scores=track.scores[rows],
             )
         )
-    return replace(camera, stamps=camera.stamps[::stride], tracks=tuple(tracks))
+    return replace(camera, stamps=camera.stamps[::stride], tracks=tuple(tracks), received=None)
 
 
 def _on_reference_clock(
@@ -237,8 +243,8 @@ def _observations(
     recording: Recording, cameras: Sequence[LiftedCamera], rig: Rig, unit_m: float
 ) -> SpanObservations:
     start, end = time_span(cameras, rig.offset_s)
-    slot_s = end - start + _SLOT_MARGIN_S
-    found = associate(cameras, rig, step_s=slot_s / SLOT_SAMPLES, floor_px=ASSOCIATION_TOLERANCE_PX)
+    step_s = (end - start + _SLOT_MARGIN_S) / (_SLOTS * SLOT_SAMPLES)
+    found = associate(cameras, rig, step_s=step_s, floor_px=ASSOCIATION_TOLERANCE_PX)
     K = max(2, round((end - start) * SAMPLES_PER_S))
     times = start + (end - start) * (np.arange(K) + 0.5) / K
     x, v, focal, body = _sampled(cameras, found, times)
@@ -273,13 +279,14 @@ def _sampled(
         Mean joint in the optical frame.
     """
     K, C, N = len(times), len(cameras), max(found.n_persons, 1)
-    joints = _compared_joints(cameras, N * K)
+    joints, slot = _compared_joints(cameras, N * K), found.slot(times)
     x, v = (np.full((C, N, K, len(joints), 3), np.nan) for _ in range(2))
     focal, body = np.full((C, N, K, len(joints)), np.nan), np.full((C, N, K, 3), np.nan)
     for c, camera in enumerate(cameras):
         period = frame_period(camera.stamps)
         for p, track in enumerate(camera.tracks):
-            if (n := int(found.person_of[c][p, 0])) < 0:
+            person = found.person_of[c][p, slot]
+            if (person < 0).all():
                 continue
             at = Interpolation(camera.stamps[track.frames], times, period=period)
             points = np.concatenate([track.x[:, joints], _ones(track.x[:, joints])], -1)
@@ -290,8 +297,8 @@ def _sampled(
                 (focal, at(track.focal[:, joints])),
                 (body, _body(camera, track, times)),
             ):
-                here = np.isfinite(values.reshape(K, -1)).any(-1)
-                out[c, n, here] = values[here]
+                here = np.flatnonzero(np.isfinite(values.reshape(K, -1)).any(-1) & (person >= 0))
+                out[c, person[here], here] = values[here]
     return x, v, focal, body
 
 

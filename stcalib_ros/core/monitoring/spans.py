@@ -22,6 +22,7 @@ from stcalib_ros.core.monitoring.change_detection import (
 )
 from stcalib_ros.core.monitoring.limits import MIN_GAIN_TO_CORRECT, MIN_KEPT_FRACTION
 from stcalib_ros.core.monitoring.matching import SpanObservations, associate_span
+from stcalib_ros.core.monitoring.noise import Noise
 
 _REFINEMENTS = 2
 """Further passes with the changes applied; two measure turns of 10 degrees and jumps of 0.15 s."""
@@ -40,12 +41,15 @@ class Span:
     lead_s : mapping of str to float
         How far the stamps of cameras are ahead of those of the others, for cameras whose images
         arrive, but with stamps far from the span.
+    noise : Noise
+        Usual residuals, this span included.
     """
 
     start_s: float
     end_s: float
     findings: Mapping[str, Finding]
     lead_s: Mapping[str, float] = field(default_factory=dict)
+    noise: Noise = field(default_factory=Noise)
 
 
 def check_span(
@@ -56,6 +60,7 @@ def check_span(
     end_s: float,
     min_score: float,
     lead_s: Mapping[str, float] | None = None,
+    noise: Noise | None = None,
 ) -> Span:
     """Check a calibration against the observations of a span of time.
 
@@ -70,6 +75,8 @@ def check_span(
         Joints with a lower score are not used.
     lead_s : mapping of str to float, optional
         See `Span`.
+    noise : Noise, optional
+        Usual residuals by the spans before this one.
 
     Raises
     ------
@@ -77,32 +84,22 @@ def check_span(
         The layouts of the cameras have too little in common.
     """
     findings: dict[str, Finding] = {}
+    noise = noise or Noise()
     if (obs := associate_span(recording, calibration, min_score=min_score)) is not None:
-        findings = _findings(obs, calibration)
+        usual = noise.px(obs.names)
+        findings = _findings(obs, usual)
+        noise = noise.after(obs.names, _left_px(obs.names, findings))
         for _ in range(_REFINEMENTS):
             changes = _worth_correcting(findings)
             if not changes:
                 break
             better = with_changes(calibration, changes, obs.metres_per_unit)
             again = associate_span(recording, better, min_score=min_score)
-            if again is None or not _refine(findings, _findings(again, calibration), changes):
+            if again is None or not _refine(
+                findings, _findings(again, noise.px(again.names)), changes
+            ):
                 break
-    return Span(start_s, end_s, findings, dict(lead_s or {}))
-
-
-def expected_residual_px(calibration: Calibration, names: Sequence[str]) -> Float64Array:
-    """Return the calibration's epipolar distance (C, C) of every two cameras, px, RMS.
-
-    Pairs without one have the reprojection error of the whole calibration.
-    """
-    index = {name: i for i, name in enumerate(names)}
-    usual = calibration.reprojection_rms_px
-    out = np.full((len(names), len(names)), usual if np.isfinite(usual) else 0.0)
-    for pair in calibration.pairs:
-        if {pair.camera_a, pair.camera_b} <= index.keys() and np.isfinite(pair.epipolar_rms_px):
-            a, b = index[pair.camera_a], index[pair.camera_b]
-            out[a, b] = out[b, a] = pair.epipolar_rms_px
-    return out
+    return Span(start_s, end_s, findings, dict(lead_s or {}), noise)
 
 
 def with_changes(
@@ -125,9 +122,14 @@ def with_changes(
     return replace(calibration, cameras=tuple(after(camera) for camera in calibration.cameras))
 
 
-def _findings(obs: SpanObservations, calibration: Calibration) -> dict[str, Finding]:
-    found = detect_changes(obs, expected_residual_px(calibration, obs.names))
-    return dict(zip(obs.names, found, strict=True))
+def _findings(obs: SpanObservations, noise: Float64Array) -> dict[str, Finding]:
+    return dict(zip(obs.names, detect_changes(obs, noise), strict=True))
+
+
+def _left_px(names: Sequence[str], findings: Mapping[str, Finding]) -> Float64Array:
+    """Residuals (C, C) of every two cameras that the best change of either leaves, px."""
+    left = np.stack([findings[name].fit.left_px for name in names])
+    return np.asarray(np.fmin(left, left.T))
 
 
 def _worth_correcting(findings: Mapping[str, Finding]) -> dict[str, Float64Array]:

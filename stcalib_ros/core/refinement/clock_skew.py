@@ -14,7 +14,12 @@ from stcalib_ros.core.bundle.covariance import Information
 from stcalib_ros.core.bundle.iteration import ClockSkews, Iteration, TimestampErrors
 from stcalib_ros.core.bundle.parameters import CLOCK_SKEW, ParameterLayout
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
-from stcalib_ros.core.refinement.limits import MAX_SKEW_STDDEV
+from stcalib_ros.core.refinement.limits import (
+    MAX_SIGNIFICANT_SKEW,
+    MAX_SKEW_STDDEV,
+    MIN_SKEW_DEVIATIONS,
+    MIN_SKEW_DRIFT_S,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,9 +42,12 @@ class SkewSelection:
 
 
 def select_skews(
-    known: Information, layout: ParameterLayout, errors: TimestampErrors | None
+    known: Information, layout: ParameterLayout, errors: TimestampErrors | None, *, length_s: float
 ) -> SkewSelection:
-    """Select the skews whose predicted standard deviation is at most 10 ppm.
+    """Select the skews that are known to 10 ppm, and those that are clearly not zero.
+
+    The latter are those of images that are stamped by another rate than theirs, such as 29.97 Hz
+    as 30 Hz. What the estimate would be follows from the normal equations.
 
     Where timestamps jitter, the line through their errors is no skew of a clock; it is estimated
     nevertheless if the keypoints determine it better than the timestamps do.
@@ -50,15 +58,27 @@ def select_skews(
     layout : ParameterLayout
         With the skews of all cameras.
     errors : TimestampErrors or None
+    length_s : float
+        Length of the recording, seconds.
     """
     P = known.covariance(layout)
     own = np.diag(P)[layout.scalars(CLOCK_SKEW)]
     trend = np.zeros_like(own) if errors is None else errors.skew_variance + errors.skew_variance[0]
     stddev = np.sqrt(own + trend)
     relative = np.arange(len(own)) > 0
-    observable = relative & (stddev <= MAX_SKEW_STDDEV)
+    skew = np.abs(_predicted(known, layout))
+    certain = (skew > MIN_SKEW_DEVIATIONS * stddev) & (skew * length_s > MIN_SKEW_DRIFT_S)
+    observable = relative & (
+        (stddev <= MAX_SKEW_STDDEV) | (certain & (skew < MAX_SIGNIFICANT_SKEW))
+    )
     estimated = observable | (relative & (own < trend))
     return SkewSelection(estimated, observable, np.where(relative, stddev, 0.0))
+
+
+def _predicted(known: Information, layout: ParameterLayout) -> Float64Array:
+    """Skews (C,) after one Gauss-Newton step."""
+    step = -layout.solve(known.system.H, known.system.g, known.cameras).ravel()
+    return known.cameras.value(CLOCK_SKEW) + step[layout.scalars(CLOCK_SKEW)]
 
 
 def clock_skews(

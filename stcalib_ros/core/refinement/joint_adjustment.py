@@ -109,7 +109,8 @@ def _selected(
         layout = layout.estimating(LINE_DELAY, delays.estimated)
         stddev[LINE_DELAY] = delays.stddev
     if not last.state.synchronised:
-        skews = select_skews(known, layout, last.timestamp_errors)
+        length_s = float(np.ptp(last.observations.time_bin)) * last.observations.step_s
+        skews = select_skews(known, layout, last.timestamp_errors, length_s=length_s)
         chosen = chosen.with_unknown(CLOCK_SKEW, skews.estimated)
         stddev[CLOCK_SKEW] = skews.stddev
     if delays is not None:

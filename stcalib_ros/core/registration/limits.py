@@ -145,3 +145,7 @@ benchmarks.accuracy.level; not verified on real recordings."""
 CONTRADICTION_RAD = 0.1
 """rad. 3D poses whose rotation differs by more from that of the keypoints are not used: what the
 start by keypoints itself may be off in a window of five frames. Chosen."""
+
+MAX_SAMPLES_PER_IMAGE = 100
+"""Samples of the grid per image of the camera that has most. The step is longer where there would
+be more. Chosen: twice what `MAX_GRID_FACTOR` of the input leaves; usual recordings have 1 to 3."""

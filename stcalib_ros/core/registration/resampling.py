@@ -12,7 +12,7 @@ from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array
 from stcalib_ros.core.model.keypoint_layouts import TRUNK_JOINTS
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.skeleton import Skeleton
-from stcalib_ros.core.registration.limits import MIN_BONE_M
+from stcalib_ros.core.registration.limits import MAX_SAMPLES_PER_IMAGE, MIN_BONE_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,16 @@ class Grid:
 
 
 def common_grid(cameras: Sequence[LiftedCamera], step_s: float | None = None) -> Grid:
-    """Return the grid that spans all frames of some cameras, at a step or at their common one."""
-    step_s = step_s or common_step(cameras)
+    """Return the grid that spans all frames of some cameras, at a step or at their common one.
+
+    The step is longer where there would be many more samples than images: whatever the stamps are,
+    time and memory grow with the number of images.
+    """
     start_s = min(float(camera.stamps[0]) for camera in cameras)
     end_s = max(float(camera.stamps[-1]) for camera in cameras)
+    if step_s is None:
+        most = max(len(camera.stamps) for camera in cameras)
+        step_s = max(common_step(cameras), (end_s - start_s) / (MAX_SAMPLES_PER_IMAGE * most))
     return Grid(start_s, step_s, int((end_s - start_s) / step_s) + 1)
 
 

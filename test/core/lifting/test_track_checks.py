@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from core_helpers import HALF_SECOND, error, tracks_changed
 
 import stcalib_ros as st
 from stcalib_ros.core.lifting.limits import MIN_CONTINUED
-from stcalib_ros.core.lifting.track_checks import continued_fraction, track_faults
+from stcalib_ros.core.lifting.track_checks import continued_fraction, with_tracks
 from stcalib_ros.core.model.recording import Track
-from stcalib_ros.core.model.rejection import RejectionReason
+from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
 
 SCENE = st.simulate(st.SceneOptions(n_cameras=3, n_people=3, n_frames=120, seed=4))
 
@@ -44,23 +45,44 @@ def shuffled(frame, place):
     return int(np.random.default_rng(frame).permutation(3)[place])
 
 
-@pytest.mark.parametrize("id_of", [shuffled, lambda frame, place: 10 * frame + place])
-def test_ids_by_place_or_by_detection_are_no_tracks(id_of):
-    camera = with_ids(SCENE.recording.cameras[1], id_of)
+NO_TRACKS = [shuffled, lambda frame, place: 10 * frame + place]
+
+
+@pytest.mark.parametrize("id_of", NO_TRACKS)
+def test_people_whose_ids_are_no_tracks_are_linked(id_of):
+    true = SCENE.recording.cameras[1]
+    camera = with_ids(true, id_of)
     assert continued_fraction(camera) < MIN_CONTINUED - 0.2
-    cameras = (SCENE.recording.cameras[0], camera, SCENE.recording.cameras[2])
-    faults = track_faults(replace(SCENE.recording, cameras=cameras))
-    assert {name: fault.reason for name, fault in faults.items()} == {
-        "cam1": RejectionReason.IDS_ARE_NO_TRACKS
-    }
+    found = with_tracks(camera)
+    assert found.fault is None
+    assert (found.remark.code, found.remark.cameras) == (RemarkCode.IDS_LINKED, ("cam1",))
+    assert found.remark.values["n_tracks"] == len(found.camera.tracks)
+    assert continued_fraction(found.camera) > MIN_CONTINUED + 0.2
 
 
-def test_the_camera_is_left_out_and_named():
-    camera = with_ids(SCENE.recording.cameras[1], shuffled)
-    cameras = (SCENE.recording.cameras[0], camera, SCENE.recording.cameras[2])
-    found = st.calibrate(replace(SCENE.recording, cameras=cameras), st.Options(offset_range_s=0.5))
-    assert [camera.name for camera in found.cameras] == ["cam0", "cam2"]
-    assert "cam1: its track ids are no tracks" in found.message
+def test_people_who_jump_cannot_be_linked():
+    rng = np.random.default_rng(0)
+
+    def scattered(track):
+        return replace(track, keypoints=track.keypoints + rng.uniform(-4e3, 4e3, (120, 1, 2)))
+
+    camera = tracks_changed(scattered)(SCENE.recording.cameras[1])
+    found = with_tracks(camera)
+    assert (found.camera, found.remark) == (camera, None)
+    assert found.fault.reason is RejectionReason.IDS_ARE_NO_TRACKS
+    assert found.fault.measured < found.fault.limit == MIN_CONTINUED
+
+
+@pytest.mark.parametrize("which", [(1,), (0, 1, 2)])
+def test_cameras_without_tracks_are_calibrated_and_named(which):
+    cameras = tuple(
+        with_ids(camera, NO_TRACKS[1]) if k in which else camera
+        for k, camera in enumerate(SCENE.recording.cameras)
+    )
+    found = st.calibrate(replace(SCENE.recording, cameras=cameras), HALF_SECOND)
+    assert [camera.name for camera in found.cameras] == ["cam0", "cam1", "cam2"]
+    assert found.message.count("its track ids are no tracks") == len(which)
+    assert error(found, SCENE.truth).E_R < 0.005
 
 
 @pytest.mark.parametrize("length", [15, 40])
@@ -68,7 +90,9 @@ def test_tracks_that_are_lost_now_and_then_are_tracks(length):
     camera = SCENE.recording.cameras[0]
     fragments = with_ids(camera, lambda frame, place: 1000 * (frame // length) + place)
     assert continued_fraction(fragments) > MIN_CONTINUED + 0.1
-    assert not track_faults(SCENE.recording)
+    for own in SCENE.recording.cameras:
+        found = with_tracks(own)
+        assert (found.camera, found.remark, found.fault) == (own, None, None)
 
 
 def test_of_few_poses_nothing_is_said():
@@ -76,7 +100,7 @@ def test_of_few_poses_nothing_is_said():
     few = replace(camera, tracks=(camera.tracks[0],))
     short = replace(few, tracks=(replace_rows(few.tracks[0], 20),))
     assert np.isnan(continued_fraction(short))
-    assert not track_faults(replace(SCENE.recording, cameras=(short,)))
+    assert with_tracks(short).remark is None
 
 
 def replace_rows(track, n):

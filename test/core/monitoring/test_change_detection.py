@@ -25,7 +25,7 @@ from stcalib_ros.core.synthetic import simulate
 def explained(recording, calibration):
     found = associate_span(recording, calibration, min_score=0.3)
     n = len(found.names)
-    return dict(zip(found.names, detect_changes(found, np.zeros((n, n))), strict=True))
+    return dict(zip(found.names, detect_changes(found, np.full((n, n), 3.0)), strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +133,8 @@ def test_derivatives_are_those_of_the_residuals(seed, change):
         focal=rng.uniform(500, 1500, 6),
         noise=np.ones(6),
         n=6,
+        other=np.ones(6, dtype=np.int64),
+        n_cameras=2,
     )
     r, J = points.residuals(np.zeros(7))
     # The scale of the Sampson distance is held in the derivative: exact where the residual is 0.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from core_helpers import SMALL, changed, tracks_changed
 
+from stcalib_ros.core.model.calibration import PairResidual
 from stcalib_ros.core.model.recording import excerpt, keypoints_only
 from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
 from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
@@ -25,7 +26,14 @@ def watched(recording, calibration):
     spans, out = [], []
     for start_s in np.arange(0.0, recording.cameras[0].stamps[-1] - SPAN_S, SPAN_S):
         part = excerpt(recording, start_s, start_s + SPAN_S, offsets_s=offsets)
-        span = check_span(part, calibration, start_s=start_s, end_s=start_s + SPAN_S, min_score=0.3)
+        span = check_span(
+            part,
+            calibration,
+            start_s=start_s,
+            end_s=start_s + SPAN_S,
+            min_score=0.3,
+            noise=spans[-1].noise if spans else None,
+        )
         spans = [*spans, span][-KEPT_SPANS:]
         verdicts = judge(spans, verdicts, Thresholds())
         out.append(verdicts)
@@ -34,10 +42,6 @@ def watched(recording, calibration):
 
 def states(history, name):
     return [verdicts[name].state for verdicts in history]
-
-
-def with_residual(truth, rms_px=6.0):
-    return replace(truth, reprojection_rms_px=rms_px)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +56,7 @@ def test_a_camera_that_is_turned_and_moved_back(without_3d):
         changes=[CameraChange(1, 3.0, turn_rad=TURN), CameraChange(1, 11.0, turn_rad=BACK)],
     )
     recording = keypoints_only(scene.recording, without_3d)
-    history = watched(recording, with_residual(scene.truth))
+    history = watched(recording, scene.truth)
     found = states(history, "cam1")
     first, last = found.index(State.MOVED), len(found) - 1 - found[::-1].index(State.MOVED)
     assert SPAN_S * (first + 1) <= 3.0 + 10.0
@@ -62,9 +66,22 @@ def test_a_camera_that_is_turned_and_moved_back(without_3d):
         assert set(states(history, other)) == {State.OK}
 
 
+@pytest.mark.parametrize("reported_px", [0.0, 130.0, np.nan])
+@pytest.mark.parametrize("change", [{"turn_rad": TURN}, {"clock_s": 0.1}], ids=["turn", "jump"])
+def test_two_cameras_with_exchanged_ids_whatever_residual_was_reported(change, reported_px):
+    options = replace(LONG, n_cameras=2, n_people=3, id_switches_per_10s=1.0, n_frames=30 * 14)
+    scene = simulate(options, changes=[CameraChange(1, 3.0, **change)])
+    pair = PairResidual("cam0", "cam1", 3, 0.1, reported_px)
+    old = replace(scene.truth, pairs=(pair,), reprojection_rms_px=reported_px)
+    history = watched(scene.recording, old)
+    alarms = [k for k, verdicts in enumerate(history) if verdicts["cam1"].state.alarm]
+    assert 3.0 <= SPAN_S * (alarms[0] + 1) <= 3.0 + 10.0
+    assert history[alarms[0]]["cam1"].suspects == ("cam0", "cam1")
+
+
 def test_the_reference_is_watched_too():
     scene = simulate(LONG, changes=[CameraChange(0, 3.0, turn_rad=TURN)])
-    history = watched(scene.recording, with_residual(scene.truth))
+    history = watched(scene.recording, scene.truth)
     assert states(history, "cam0")[-1] is State.MOVED
     assert {states(history, n)[-1] for n in ("cam1", "cam2")} == {State.OK}
 
@@ -75,7 +92,7 @@ def test_bad_detections_are_no_motion(quiet, rng):
         return replace(track, keypoints=track.keypoints + noise)
 
     recording = changed(quiet.recording, "cam1", tracks_changed(noisy))
-    history = watched(recording, with_residual(quiet.truth))
+    history = watched(recording, quiet.truth)
     assert not any(v.state.alarm for verdicts in history for v in verdicts.values())
 
 
@@ -91,14 +108,14 @@ def test_people_who_are_hidden_are_no_motion(quiet):
         )
 
     recording = changed(quiet.recording, "cam2", tracks_changed(hidden))
-    history = watched(recording, with_residual(quiet.truth))
+    history = watched(recording, quiet.truth)
     assert not any(v.state.alarm for verdicts in history for v in verdicts.values())
 
 
 def test_another_camera_in_its_place():
     scene, other = simulate(LONG), simulate(replace(LONG, seed=22))
     recording = changed(scene.recording, "cam1", lambda _: other.recording.cameras[1])
-    history = watched(recording, with_residual(scene.truth))
+    history = watched(recording, scene.truth)
     assert states(history, "cam1")[-1] is State.UNMATCHED
     assert not any(v[n].state.alarm for v in history for n in ("cam0", "cam2"))
 

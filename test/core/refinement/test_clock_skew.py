@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from core_helpers import SMALL
+from core_helpers import SMALL, changed
 
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import calibrate
@@ -41,6 +41,22 @@ def test_offsets_hold_for_the_epoch(minute):
         # Of the offset in the middle alone, without the rate, the error would be 1 ms and more.
         assert error < 4e-4
         assert camera.time_offset_stddev_s > 25.0 * camera.clock_skew_stddev
+
+
+@pytest.mark.parametrize("name", ["cam0", "cam2"])
+def test_a_rate_of_29_97_is_found_in_ten_seconds(name):
+    """Of the reference as well: then all others have it, the other way round."""
+    scene = simulate(SceneOptions(n_cameras=3, n_people=2, seed=9303), clips=shipped_clips())
+
+    def faster(camera):
+        first = camera.stamps[0]
+        return replace(camera, stamps=first + (camera.stamps - first) * (1.0 - 1e-3))
+
+    found = calibrate(changed(scene.recording, name, faster), Options(offset_range_s=1.0))
+    for camera in found.cameras[1:]:
+        true = {"cam0": -1e-3, camera.name: 1e-3}.get(name, 0.0)
+        assert camera.clock_skew == pytest.approx(true, abs=1.5e-4)
+        assert camera.clock_skew_stddev > 10e-6
 
 
 def test_rates_are_refused_where_the_recording_is_short(small_stages):
