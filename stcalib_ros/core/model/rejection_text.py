@@ -25,6 +25,14 @@ _SENTENCES = {
         "all keypoints of each person are at one place, within {measured:.2g} px: check the pose "
         "estimator's output"
     ),
+    _R.SCORES_BELOW_LIMIT: (
+        "no joint has a score above {limit:g} (min_score), the largest is {measured:.2g}: scores "
+        "of 0..1 are expected; are these logits? Scale them, or lower min_score"
+    ),
+    _R.STREAM_FROZEN: (
+        "its picture stands still: in {measured:.0%} of its images everybody is as in the image "
+        "before, to the last bit, {limit:.0%} are the limit; check its driver or decoder"
+    ),
     _R.IDS_ARE_NO_TRACKS: (
         "its track ids are no tracks, and its poses cannot be linked by their places: "
         "{measured:.0%} of them go on from the image before, {limit:.0%} are needed; switch "
@@ -198,6 +206,26 @@ _REMARKS = {
         "{camera}: its track ids are no tracks ({continued:.0%} of its poses go on from the image "
         "before under the same id, {limit:.0%} are needed): people were linked from image to image "
         "by their keypoints, to {n_tracks:.0f} tracks; a tracker in its pose estimator does better"
+    ),
+    RemarkCode.SCORES_IN_PERCENT: (
+        "{camera}: scores go up to {largest:.0f}, and are taken as percent: give them in 0..1"
+    ),
+    RemarkCode.KEYPOINTS_NOT_OBSERVED: (
+        "{camera}: {n_points:.0f} keypoints with scores above min_score are exactly at ({x:g}, "
+        "{y:g}), and are taken as not observed: let their scores be 0, or the keypoints NaN"
+    ),
+    RemarkCode.IMAGES_REPEATED: (
+        "{camera}: {n_repeated:.0f} of {n_images:.0f} images are left out, since everybody in them "
+        "is as in the image before, to the last bit: its stream freezes (for up to {longest_s:.1f} "
+        "s), or repeats images; check its driver or decoder"
+    ),
+    RemarkCode.KEYPOINTS_SWAPPED: (
+        "{camera}: x and y of its keypoints are swapped, and were exchanged back: people lie as "
+        "they are; give x, to the right, before y"
+    ),
+    RemarkCode.LAYOUT_MISTAKEN: (
+        "{camera}: its joints are taken as those of {detail}, since limbs have no proportions of "
+        "people by the layout that it names: correct its layout"
     ),
     RemarkCode.POSES_RESCALED: (
         "{camera}: people would be {height_m:.0f} m tall by its 3D poses, which are taken as "
