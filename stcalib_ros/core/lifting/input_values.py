@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stcalib_ros.core.lifting.keypoint_checks import has_enough
+from stcalib_ros.core.lifting.keypoint_checks import at_one_place, has_enough
 from stcalib_ros.core.lifting.limits import (
     FROZEN_FRACTION,
     MIN_FROZEN_IMAGES,
@@ -81,6 +81,7 @@ def _repeated_places(camera: CameraRecording) -> list[tuple[float, float]]:
     if not some:
         return []
     points = np.concatenate(some).astype(np.float64)
+    points[at_one_place(points)] = np.nan  # those are nobody, and are said as such
     N, J = points.shape[:2]
     joint = np.broadcast_to(np.arange(J), (N, J))[known := np.isfinite(points).all(-1)]
     places, index, counts = np.unique(
