@@ -14,6 +14,7 @@ from stcalib_ros.core.lifting.input_values import (
     without_repeated_images,
     without_undetected,
 )
+from stcalib_ros.core.lifting.intrinsics_checks import intrinsics_faults
 from stcalib_ros.core.lifting.keypoint_axes import with_own_layout, with_x_before_y
 from stcalib_ros.core.lifting.keypoint_checks import (
     keypoint_faults,
@@ -72,6 +73,7 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     read = [_read(camera, options.min_score) for camera in timed.recording.cameras]
     given = replace(timed.recording, cameras=tuple(one.camera for one in read))
     faults = {one.camera.name: one.fault for one in read if one.fault is not None}
+    faults |= intrinsics_faults(given, min_score=options.min_score)
     faults |= keypoint_faults(given, min_score=options.min_score)
     faults |= timed.faults
     remarks = sum((one.remarks for one in read), timed.remarks)

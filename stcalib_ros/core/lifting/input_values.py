@@ -20,7 +20,7 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.recording import CameraRecording, Track
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
 
-_MAX_POINTS = 20_000
+_MAX_POINTS = 5000
 """Keypoints of a camera among which values that repeat are looked for, about. Numerical: bounds
 the cost."""
 _PERCENT = 100.0

@@ -53,7 +53,7 @@ def keypoint_faults(recording: Recording, *, min_score: float) -> dict[str, Reje
     faults = {}
     for camera in recording.cameras:
         image = camera.intrinsics
-        poses = _full_poses(camera, min_score)
+        poses = full_poses(camera, min_score)
         fault = keypoint_fault(poses, camera=camera.name, width=image.width, height=image.height)
         if fault is not None:
             faults[camera.name] = fault
@@ -102,7 +102,7 @@ def keypoint_remarks(recording: Recording, *, min_score: float) -> tuple[Remark,
     """
     remarks = []
     for camera in recording.cameras:
-        left_out = at_one_place(_full_poses(camera, min_score))
+        left_out = at_one_place(full_poses(camera, min_score))
         if left_out.any() and not left_out.all():
             values = {"n_left_out": int(left_out.sum()), "n_poses": len(left_out)}
             remarks.append(Remark(RemarkCode.POSES_LEFT_OUT, (camera.name,), values))
@@ -135,8 +135,15 @@ def _bounds(keypoints: FloatArray) -> tuple[FloatArray, FloatArray]:
     return tuple(f.reduce(by_joint).reshape(-1, 2) for f in (np.fmin, np.fmax))
 
 
-def _full_poses(camera: CameraRecording, min_score: float) -> Float32Array:
-    """Return the keypoints (N, J, 2) of all poses of which enough count; else NaN."""
+def full_poses(camera: CameraRecording, min_score: float) -> Float32Array:
+    """Return the keypoints (N, J, 2) of all poses of a camera of which enough count; else NaN.
+
+    Parameters
+    ----------
+    camera : CameraRecording
+    min_score : float
+        Joints with a lower score do not count.
+    """
     poses: list[FloatArray] = [np.zeros((0, camera.layout.n_joints, 2))]
     for track in camera.tracks:
         points = np.where((track.scores >= min_score)[..., None], track.keypoints, np.nan)

@@ -50,6 +50,57 @@ ONE_PLACE_PX = 1.0
 out. Derived: keypoints have errors of pixels, so that nothing could be estimated from such a pose;
 people of whom something can are tens of px tall."""
 
+MAX_OFF_CENTRE = 0.2
+"""Fraction of the size of the sensor. A camera whose principal point is further from its middle is
+rejected. Measured: 16 real lenses have up to 0.05; K that is divided by the binning twice has 0.25,
+K of an image of 1920 x 1080 beside a size of 1280 x 720 has 0.25, coordinates that are shares or
+exchanged have 0.28 and more."""
+
+EXPLAINED_OFF_CENTRE = 0.1
+"""The same where it would be in the middle if its coordinates were exchanged, or if K were that of
+an image of another size. Chosen between 0.05 of real lenses, and 0.125 of K of three quarters of
+the image."""
+
+NEAR_CENTRE = 0.03
+"""Fraction of the size of the sensor. How near the middle such an explanation has to bring it.
+Chosen: most real lenses are within."""
+
+VIEW_RANGE_DEG = (3.0, 175.0)
+"""Degrees. Fields of view, of the whole sensor, that a lens may have. Chosen: a long tele lens has
+5; plane images of more than 150 cannot be used. K in millimetres or as a share of the size is
+beyond."""
+
+FISHEYE_DEG = 360.0
+"""Degrees. The same of an equidistant lens at most, corners included: real ones have up to 250.
+Derived."""
+
+MAX_PIXEL_RATIO = 2.2
+"""Ratio of fx and fy, either way. Derived: 2 where only one direction is binned; pixels are nearly
+square else."""
+
+MAX_OUTSIDE = 0.1
+"""Fraction of the poses of a camera. With more that have half of their keypoints outside of the
+image, keypoints and CameraInfo are of different images. Measured: none in simulated scenes and
+0.0 % on real ones; chosen so that estimators that guess what the edge cuts off do no harm."""
+
+OUTSIDE_MARGIN = 0.02
+"""Fraction of the image. Keypoints are outside that are further from it. Chosen: errors of
+keypoints at the edge are smaller."""
+
+IN_CORNER = 0.52
+"""Fraction of the image, in both directions. A camera all of whose keypoints are within this of
+the corner at (0, 0) has those of a smaller image. Derived: usual sizes are 1/2, 1/3 and less, and
+detectors go a little beyond the edge. People who walk in one half of the view fill the other
+direction; on 12 real cameras and 92 simulated scenes they reach to 0.72 and more in one of them."""
+
+FILLS_CORNER = 0.5
+"""Fraction of that part. People who move through less of it in either direction may just as well
+stand there. Chosen."""
+
+MIN_POSES_PLACED = 60
+"""Poses of a camera, count. With fewer nothing is said about where in the image they are. Chosen
+like `MIN_TRACKED_POSES`."""
+
 NORMALISED_PX = 2.0
 """px from the centre of the top left pixel. A camera with no keypoint beyond has them in fractions
 of the image, 0..1 or -1..1, and is rejected. Derived: those of joints that are guessed outside of

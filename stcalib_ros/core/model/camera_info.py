@@ -96,6 +96,7 @@ def intrinsics_from_camera_info(
         K=image_from_sensor @ matrix,
         D=coefficients,
         R_rect_cam=_rotation(r) if rectified else np.eye(3),
+        sensor=(-x_offset / bin_x, -y_offset / bin_y, width / bin_x, height / bin_y),
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
+from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter
 
 
@@ -65,12 +66,18 @@ class LiftedCamera:
         Seconds by its own clock; of the middle row of its shutter.
     tracks : tuple of LiftedTrack
     shutter : Shutter
+    received : (N,) ndarray or None
+        Time at which a recorder received each image, as in `CameraRecording`.
+    intrinsics : Intrinsics, optional
+        Lens by which its keypoints were undistorted.
     """
 
     name: str
     stamps: Float64Array
     tracks: tuple[LiftedTrack, ...]
     shutter: Shutter = GLOBAL
+    received: Float64Array | None = None
+    intrinsics: Intrinsics | None = None
 
 
 def time_span(cameras: Sequence[LiftedCamera], offset_s: Iterable[float]) -> tuple[float, float]:

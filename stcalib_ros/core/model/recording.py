@@ -41,6 +41,9 @@ class Intrinsics:
     R_rect_cam : (3, 3) ndarray
         Optical frame to the frame in which `K` holds; not the identity only for rectified
         keypoints of a stereo pair.
+    sensor : (float, float, float, float), optional
+        Left, top, width and height of the whole sensor in pixels of the image, if the image is a
+        region of interest. Default: the image is all of it.
     """
 
     width: int
@@ -49,6 +52,7 @@ class Intrinsics:
     K: Float64Array
     D: Float64Array
     R_rect_cam: Float64Array = field(default_factory=lambda: np.eye(3))
+    sensor: tuple[float, float, float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
+from stcalib_ros.core.model.remark_text import ADDITIONS, REMARKS
 
 _R = RejectionReason
 _SENTENCES = {
@@ -20,6 +21,29 @@ _SENTENCES = {
         "its keypoints look normalised: they lie between {least:.2g} and {measured:.2g}, where "
         "pixels of an image of {width:.0f} x {height:.0f} are expected; multiply those of 0..1 by "
         "the image size (those of -1..1: add 1, and multiply by half of it)"
+    ),
+    _R.FOCAL_LENGTH_ABSURD: (
+        "its focal lengths of {fx:.4g} and {fy:.4g} px do not belong to an image of {width:.0f} x "
+        "{height:.0f} px: it would show {fov_x:.3g} x {fov_y:.3g} degrees with pixels {ratio:.3g} "
+        "times as wide as high; give K in pixels of this image"
+    ),
+    _R.PRINCIPAL_POINT_OFF_CENTRE: (
+        "its principal point ({cx:.4g}, {cy:.4g}) is {measured:.0%} of the image size from the "
+        "middle of an image of {width:.0f} x {height:.0f} px, {limit:.0%} are the limit: give cx "
+        "and cy in this order and in pixels of this image, K and size of one mode and not binned "
+        "twice, and the roi of an image that is a part of the sensor"
+    ),
+    _R.KEYPOINTS_OUTSIDE_IMAGE: (
+        "{measured:.0%} of its poses are outside of the image of {width:.0f} x {height:.0f} px "
+        "that its CameraInfo describes, {limit:.0%} are the limit; they reach to ({most_x:.0f}, "
+        "{most_y:.0f}): they are those of a larger or turned image; bring keypoints and CameraInfo "
+        "to one image"
+    ),
+    _R.KEYPOINTS_IN_CORNER: (
+        "all its keypoints are within ({most_x:.0f}, {most_y:.0f}) of the top left corner of an "
+        "image of {width:.0f} x {height:.0f} px, {measured:.0%} of its size: they look like those "
+        "of a smaller image; bring keypoints and CameraInfo to one image, or let people walk "
+        "through more of its view"
     ),
     _R.KEYPOINTS_COINCIDE: (
         "all keypoints of each person are at one place, within {measured:.2g} px: check the pose "
@@ -82,17 +106,39 @@ _SENTENCES = {
         "hardly anything that it sees matches what is seen by {others}: check its intrinsics, and "
         "let people stay in view for longer"
     ),
+    _R.IMAGE_RESIZED: (
+        "its keypoints look like those of an image {scale_x:.2f} times as wide and {scale_y:.2f} "
+        "times as high as in its CameraInfo ({width:.0f} x {height:.0f}), the corner of which is "
+        "at ({corner_x:.0f}, {corner_y:.0f}): the pose estimator gets a resized, padded or cropped "
+        "image, or K is that of another mode; bring keypoints and CameraInfo to one image"
+    ),
+    _R.IMAGE_TURNED: (
+        "its keypoints look like those of an image turned by a quarter, or of a lens with cx and "
+        "cy exchanged: the principal point is at ({cx:.0f}, {cy:.0f}), where its CameraInfo says "
+        "({given_cx:.0f}, {given_cy:.0f}); bring keypoints and CameraInfo to one image"
+    ),
+    _R.DISTORTION_DISAGREES: (
+        "its keypoints are bent by {measured:.0%} at the edge of the image when its lens is taken "
+        "for that of its CameraInfo, {limit:.0%} are the limit: check D, and whether the keypoints "
+        "are those of the raw or of the rectified image (rectified)"
+    ),
     _R.CLOCK_NOT_STEADY: (
         "its clock is not steady: from {begin_s:.1f} to {end_s:.1f} s after its first image, its "
         "stamps are {measured_ms:.0f} ms off what they are else, {limit_ms:.0f} are the limit"
-        "{or_others}; clocks that are set while they record do that, and images that are lost and "
-        "numbered as if they were not: give the times of acquisition, or use a part of the "
-        "recording"
+        "{and_received}{or_others}; clocks that are set while they record do that, and images that "
+        "are lost and numbered as if they were not: give the times of acquisition, or use a part "
+        "of the recording"
     ),
     _R.POSE_CHANGED: (
         "it has moved: from {begin_s:.1f} to {end_s:.1f} s after its first image, it is turned by "
         "{measured_deg:.1f} degrees against what it is else, {limit_deg:.1f} are the limit"
         "{or_others}; fasten it, or use the part of the recording before or after"
+    ),
+    _R.PART_DISAGREES: (
+        "from {begin_s:.1f} to {end_s:.1f} s after its first image, what it sees is {measured:.0f} "
+        "px off from what the others see of the same people, {limit:.0f} are the limit, though it "
+        "fits else{or_others}: it was moved, or its clock was set by more than can be followed; "
+        "use the part of the recording before or after"
     ),
     _R.TOO_FEW_INLIERS: (
         "only {measured:.0f} of its keypoints fit, {limit:.0f} are needed: have people walk where "
@@ -163,6 +209,11 @@ _SENTENCES = {
         "identically, or the true offset is outside of offset_range_s (+-{offset_range_s:g} s); "
         "set that to what is possible, or record more varied motion"
     ),
+    _R.LARGE_RESIDUALS: (
+        "reprojection errors are {measured:.1f} px (root mean square), {limit:.1f} are the limit "
+        "where half of them are below {median_px:.1f} px: in a part of the recording something "
+        "does not fit; check for clocks that are set and cameras that move while they record"
+    ),
     _R.NOT_CONVERGED: (
         "the adjustment has not converged, {measured:.0f} cameras still moved in the last "
         "iteration: raise bundle.rounds"
@@ -184,102 +235,6 @@ _SENTENCES = {
     _R.SOLVER_FAILED: "{detail}",
     _R.UNSPECIFIED: "{detail}",
 }
-_REMARKS = {
-    RemarkCode.LEAST_CONSTRAINED_CAMERA: (
-        "the least constrained camera is {camera}: rotation to {rotation_stddev_deg:.2g} degrees, "
-        "position to {position_stddev_percent:.2g} % of its distance from the people"
-    ),
-    RemarkCode.SHARE_MORE_VIEW: (
-        "{camera} shares {shared_s:.1f} s of people's motion with the others, who share "
-        "{usual_s:.1f} s: let people walk where it and {partner} see them ({common_s:.1f} s)"
-    ),
-    RemarkCode.MOVE_FASTER: "people who move faster in its view would determine its clock better",
-    RemarkCode.LEAVE_THE_LINE: (
-        "everybody stays on one line: people who walk across it would determine more"
-    ),
-    RemarkCode.RECORD_LONGER: "a clip twice as long would make that about 30 % less",
-    RemarkCode.POSES_LEFT_OUT: (
-        "{camera}: {n_left_out:.0f} of {n_poses:.0f} poses are left out, since all of their "
-        "keypoints are at one place: check the pose estimator's output"
-    ),
-    RemarkCode.IDS_LINKED: (
-        "{camera}: its track ids are no tracks ({continued:.0%} of its poses go on from the image "
-        "before under the same id, {limit:.0%} are needed): people were linked from image to image "
-        "by their keypoints, to {n_tracks:.0f} tracks; a tracker in its pose estimator does better"
-    ),
-    RemarkCode.SCORES_IN_PERCENT: (
-        "{camera}: scores go up to {largest:.0f}, and are taken as percent: give them in 0..1"
-    ),
-    RemarkCode.KEYPOINTS_NOT_OBSERVED: (
-        "{camera}: {n_points:.0f} keypoints with scores above min_score are exactly at ({x:g}, "
-        "{y:g}), and are taken as not observed: let their scores be 0, or the keypoints NaN"
-    ),
-    RemarkCode.IMAGES_REPEATED: (
-        "{camera}: {n_repeated:.0f} of {n_images:.0f} images are left out, since everybody in them "
-        "is as in the image before, to the last bit: its stream freezes (for up to {longest_s:.1f} "
-        "s), or repeats images; check its driver or decoder"
-    ),
-    RemarkCode.KEYPOINTS_SWAPPED: (
-        "{camera}: x and y of its keypoints are swapped, and were exchanged back: people lie as "
-        "they are; give x, to the right, before y"
-    ),
-    RemarkCode.LAYOUT_MISTAKEN: (
-        "{camera}: its joints are taken as those of {detail}, since limbs have no proportions of "
-        "people by the layout that it names: correct its layout"
-    ),
-    RemarkCode.POSES_RESCALED: (
-        "{camera}: people would be {height_m:.0f} m tall by its 3D poses, which are taken as "
-        "{detail}: convert them, or set metric to false"
-    ),
-    RemarkCode.POSES_NOT_METRIC: (
-        "{camera}: people would be {height_m:.2g} m tall by its 3D poses, which are not used as "
-        "metric: give them in metres, or set metric to false"
-    ),
-    RemarkCode.POSES_IN_OTHER_AXES: (
-        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
-        "are not used: they are {detail} (correlation {best:.2f}); x right, y down, z forward are "
-        "expected"
-    ),
-    RemarkCode.POSES_IN_OTHER_ORDER: (
-        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
-        "are not used: their joints are in the order of {detail} (correlation {best:.2f}); that "
-        "of its layout is expected"
-    ),
-    RemarkCode.POSES_WITH_SIDES_EXCHANGED: (
-        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
-        "are not used: left and right are exchanged between both (correlation {best:.2f} if that "
-        "is undone); check the names of its joints, and whether its image is mirrored"
-    ),
-    RemarkCode.POSES_DO_NOT_PROJECT: (
-        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
-        "are not used; no other axes or order of joints fit: check that both are of the same "
-        "person and image"
-    ),
-    RemarkCode.STAMPS_EVENED: (
-        "the stamps of {camera} come in bunches of up to {bunch:.0f}, {within_ms:.2g} ms apart, "
-        "although its images were taken {period_ms:.3g} ms apart, as the motion in them shows: "
-        "even times are taken instead, and its time offset is that of its stamps on average; stamp "
-        "images when they are taken, not when they arrive"
-    ),
-    RemarkCode.IMAGES_LEFT_OUT: (
-        "{camera}: {n_left_out:.0f} of {n_images:.0f} images are left out: no other camera has "
-        "images near their stamps, or others are far away in time; its clock may have been set "
-        "in between"
-    ),
-    RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
-    RemarkCode.VERIFIED_BY_LIMBS_ALONE: (
-        "no 3D poses verify {cameras}: only the lengths of people's limbs do, which vary by "
-        "{limb_variation_percent:.1f} %"
-    ),
-}
-_ADDITIONS = {
-    "offset_stddev_ms": ", clock to {offset_stddev_ms:.2g} ms",
-    "stddev_ppm": (
-        ": they would be known to {stddev_ppm:.0f} ppm, {limit_ppm:.0f} are needed, which takes "
-        "about {enough_s:.0f} s"
-    ),
-}
-"""Ends of remarks that have a value of that name."""
 
 
 class _Values(dict[str, object]):
@@ -301,11 +256,18 @@ def sentence(rejection: Rejection) -> str:
             limit_deg=math.degrees(rejection.limit),
             measured_ms=1e3 * rejection.measured,
             limit_ms=1e3 * rejection.limit,
+            and_received=_as_received(rejection),
             or_others=f" (or it is {others})" if others else "",
             others=others,
             detail=rejection.detail,
         )
     )
+
+
+def _as_received(rejection: Rejection) -> str:
+    """What times of receipt say to it, where they say something."""
+    off_s = rejection.values.get("received_s", math.nan)
+    return "" if math.isnan(off_s) else f", and {1e3 * off_s:.0f} ms off when they were received"
 
 
 def labelled(rejection: Rejection) -> str:
@@ -323,8 +285,8 @@ def camera_sentence(name: str, rejection: Rejection) -> str:
 def remark_sentence(remark: Remark) -> str:
     """Return the sentence of a remark."""
     camera, partner = (*remark.cameras, "", "")[:2]
-    ends = [end for name, end in _ADDITIONS.items() if name in remark.values]
-    text = "".join([_REMARKS[remark.code], *ends])
+    ends = [end for name, end in ADDITIONS.items() if name in remark.values]
+    text = "".join([REMARKS[remark.code], *ends])
     names = {
         "camera": camera,
         "partner": partner,

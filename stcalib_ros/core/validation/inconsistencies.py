@@ -11,12 +11,13 @@ from collections.abc import Callable, Sequence
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rejection import Rejection
+from stcalib_ros.core.validation.lens_checks import lens_faults
 from stcalib_ros.core.validation.steadiness import unsteady_cameras
 
 Test = Callable[[Sequence[LiftedCamera], Iteration], Sequence[Rejection | None]]
 """Of all cameras and the adjustment: what is wrong with each camera of the rig, or None."""
 
-_TESTS: tuple[Test, ...] = (unsteady_cameras,)
+_TESTS: tuple[Test, ...] = (lens_faults, unsteady_cameras)
 
 
 def inconsistencies(

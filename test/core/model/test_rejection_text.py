@@ -19,6 +19,11 @@ from stcalib_ros.core.model.rejection_text import (
 R = RejectionReason
 BUNCHES = {"bunch": 3.0, "within_ms": 0.5, "period_ms": 33.3}
 SPANS = {"begin_s": 3600.0, "end_s": 3602.0, "others_begin_s": 0.0, "others_end_s": 2.0}
+PLACED = {"width": 1920.0, "height": 1080.0, "most_x": 640.0, "most_y": 360.0}
+VIEW = {"fx": 0.7, "fy": 0.72, "fov_x": 179.9, "fov_y": 179.4, "ratio": 1.03}
+SCALED = {"scale_x": 1 / 3, "scale_y": 0.336, "width": 640.0, "height": 363.0}
+MOVED = {"corner_x": 0.1, "corner_y": 2.0, "cx": 540.0, "cy": 960.0}
+AFFINE = {**SCALED, **MOVED, "given_cx": 960.0, "given_cy": 540.0}
 REJECTIONS = (
     (Rejection(R.TOO_FEW_CAMERAS, (), 1.0, 2.0), "^1 of the cameras can be compared, 2 are needed"),
     (Rejection(R.NO_PERSONS), "no person with enough keypoints: check"),
@@ -40,6 +45,22 @@ REJECTIONS = (
         "bunches of up to 3, 0.5 ms apart where images are 33.3 ms apart, .*: 50% .*, 25% are the",
     ),
     (Rejection(R.STAMPS_TOO_CLOSE, (), 1e-6, 1e-3, "s"), "are 1e-06 s apart .* than 0.001 s"),
+    (
+        Rejection(R.FOCAL_LENGTH_ABSURD, (), 179.9, 175.0, values={**PLACED, **VIEW}),
+        "of 0.7 and 0.72 px .* of 1920 x 1080 px: .* 180 x 179 degrees .* 1.03 times as wide .*; g",
+    ),
+    (
+        Rejection(R.PRINCIPAL_POINT_OFF_CENTRE, (), 0.25, 0.1, values={**PLACED, "cx": 240.5}),
+        r"point \(240.5, nan\) is 25% of .* of 1920 x 1080 px, 10% are the limit: give cx and",
+    ),
+    (
+        Rejection(R.KEYPOINTS_OUTSIDE_IMAGE, (), 0.6, 0.1, values=PLACED),
+        r"60% of its poses .* 1920 x 1080 px .*, 10% .* reach to \(640, 360\): .*; bring",
+    ),
+    (
+        Rejection(R.KEYPOINTS_IN_CORNER, (), 0.33, 0.52, values=PLACED),
+        r"within \(640, 360\) of .* 1920 x 1080 px, 33% of its size: .*; bring",
+    ),
     (Rejection(R.KEYPOINTS_COINCIDE, (), 0.5, 1.0, "px"), "at one place, within 0.5 px: check"),
     (
         Rejection(R.CLOCK_EPOCH_DIFFERS, (), 3598.0, 1.0, "s", (), SPANS),
@@ -52,6 +73,12 @@ REJECTIONS = (
     (Rejection(R.NO_SHARED_OBSERVATIONS), "could not be matched across views: .*; check the intri"),
     (Rejection(R.DISCONNECTED, others=("a", "b")), "shares nobody's motion with a, b: move it"),
     (Rejection(R.UNMATCHED_OBSERVATIONS, others=("a",)), "matches what is seen by a: check"),
+    (
+        Rejection(R.IMAGE_RESIZED, values=AFFINE),
+        "0.33 times as wide and 0.34 .* .640 x 363., .* at .0, 2.: the",
+    ),
+    (Rejection(R.IMAGE_TURNED, values=AFFINE), "a quarter, .* at .540, 960., .* says .960, 540."),
+    (Rejection(R.DISTORTION_DISAGREES, (), -0.07, 0.04), "bent by -7% .*, 4% are the limit: check"),
     (Rejection(R.TOO_FEW_INLIERS, (), 150, 400), "only 150 of its keypoints fit, 400 are needed"),
     (Rejection(R.TOO_MANY_OUTLIERS, (), 0.3, 0.55), "only 30% of .*, 55% are needed: check its in"),
     (Rejection(R.TOO_LITTLE_EXPLAINED, (), 0.2, 0.5), "only 20% of all that it sees .*, 50% are"),
@@ -82,6 +109,10 @@ REJECTIONS = (
         ),
         r"from 7.0 to 10.0 s .* by 5.0 degrees .*, 0.5 are the limit \(or it is b\); fasten it",
     ),
+    (
+        Rejection(R.PART_DISAGREES, (), 60.0, 12.0, "px", values={"begin_s": 7.0, "end_s": 10.0}),
+        "from 7.0 to 10.0 s .* is 60 px off .*, 12 are the limit, .* fits else: it was moved",
+    ),
     (Rejection(R.POSITION_UNCERTAIN, (), 0.2, 0.1), "by 20% of its distance .*, 10% are .*: let"),
     (
         Rejection(R.OFFSET_AMBIGUOUS, (), 1.05, 1.2, values={"alternative_s": 0.4}),
@@ -97,6 +128,10 @@ REJECTIONS = (
     (
         Rejection(R.RIVAL_SOLUTION, (), 0.5, values={"frames": 15.0, "offset_range_s": 2.0}),
         r"up to 15.0 frames \(0.50 s\): .* outside of offset_range_s \(\+-2 s\); set that to",
+    ),
+    (
+        Rejection(R.LARGE_RESIDUALS, (), 84.0, 8.0, "px", values={"median_px": 1.9}),
+        r"are 84.0 px \(.*\), 8.0 are the limit .* below 1.9 px: .*; check for clocks",
     ),
     (Rejection(R.NOT_CONVERGED, (), 2.0, 0.0), "2 cameras still moved .*: raise bundle.rounds"),
     (Rejection(R.INCONSISTENT_SCALE, detail="a and b"), "scale is inconsistent: a and b"),
@@ -133,6 +168,10 @@ REMARKS = (
     (Remark(C.MOVE_FASTER, ("a",)), "^people who move faster"),
     (Remark(C.LEAVE_THE_LINE), "one line: people who walk across it"),
     (Remark(C.RECORD_LONGER), "a clip twice as long"),
+    (
+        Remark(C.STAMPS_JUMP, ("a",), {"begin_s": 15.0, "end_s": 30.0, "jump_ms": 100.0}),
+        "^a: from 15 to 30 s after its first .* 100 ms off the times .*: check that nothing sets",
+    ),
     (
         Remark(C.VERIFIED_BY_LIMBS_ALONE, ("a", "b"), {"limb_variation_percent": 3.21}),
         "^no 3D poses verify a, b: only the lengths .*, which vary by 3.2 %$",
