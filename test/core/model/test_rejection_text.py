@@ -169,8 +169,7 @@ REMARKS = (
     ),
     (
         Remark(C.PEOPLE_OF_UNUSUAL_SIZE, (), {"ratio": 1.22}),
-        "by scale.distances, people are 1.22 times as large as adults: check the distances if they "
-        "are not",
+        "^by scale.distances, people are 1.22 times as large as adults: check the distances",
     ),
     (
         Remark(C.POSES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_poses": 300}),
