@@ -1,12 +1,13 @@
 """Monitoring of a calibration in use: detection of changes, false alarms, CPU time.
 
-    python -m benchmarks.live.watch                       20 runs each, and 20 of 10 minutes
+    python -m benchmarks.live.watch                       20 runs each, 2, 3 and 8 cameras
     python -m benchmarks.live.watch --runs 2 --minutes 1  a short look
-    python -m benchmarks.live.watch --only undisturbed --jobs 2
+    python -m benchmarks.live.watch --cameras 2 --only turn drift --jobs 2
 
-The calibration to monitor is estimated from the first seconds of each scene. A third of the scenes
-has 3 px of noise, a third has a keypoint bias of 20 mm, and in the last third 5 people occlude each
-other, leave the views, and are lost and exchanged by the trackers.
+Each run calibrates 30 s of a simulated scene whose trackers exchange ids and whose clocks differ by
+up to 20 ppm, and monitors what follows. A third of the scenes has 3 px of noise, a third has a
+keypoint bias of 20 mm, and in the last third people occlude each other, leave the views, and are
+lost and exchanged by the trackers. Where such a scene is refused, the next one is calibrated.
 
 Exit status 1 if a target is missed.
 """
@@ -17,28 +18,30 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
+from benchmarks.live.watched_scenes import (
+    CALIBRATED_S,
+    FPS,
+    SKEW_PPM,
+    Calibrated,
+    Timing,
+    calibrated,
+    watched,
+    with_rates,
+)
 from benchmarks.table import Row, finite, print_rows
-from stcalib_ros.core.model.calibration import Calibration, Status
-from stcalib_ros.core.model.recording import Recording, excerpt
-from stcalib_ros.core.monitoring.alarms import State, Thresholds, Verdict, judge
-from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
-from stcalib_ros.core.monitoring.spans import Span, check_span
-from stcalib_ros.core.pipeline import calibrate
-from stcalib_ros.core.synthetic import CameraChange, Scene, SceneOptions, simulate
+from stcalib_ros.core.monitoring.alarms import State, Verdict
+from stcalib_ros.core.monitoring.limits import SPAN_S
+from stcalib_ros.core.synthetic import CameraChange, SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
 
-FPS = 30.0
-"""Frame rate of the simulated cameras, Hz."""
-CALIBRATED_S = (15.0, 30.0)
-"""Seconds of data for the calibration; the longer one if the shorter is refused."""
 QUIET_S = 10.0
 """Seconds of monitoring before a camera changes."""
 WITHIN_S = 10.0
@@ -49,22 +52,16 @@ TURN_DEG = 2.0
 """Rotation of the camera that is turned, degrees."""
 JUMP_S = 0.1
 """Jump of the clock that jumps, s."""
-MIN_SCORE = 0.3
-"""Score from which keypoints are used, that of the default options."""
-
-KINDS: dict[str, dict[str, Any]] = {
-    "noise": {},
-    "bias": {"keypoint_bias_mm": 20.0, "occlusions": True},
-    "crowd": {
-        "n_people": 5,
-        "area_radius_m": 2.5,
-        "keypoint_bias_mm": 20.0,
-        "occlusions": True,
-        "missing": 0.25,
-        "bursts_per_10s": 1.0,
-        "id_switches_per_10s": 0.5,
-    },
-}
+DAYS_S = 30 * 86_400.0
+"""Seconds between a calibration that knows the rates of the clocks, and what is monitored."""
+DRIFT_PAUSE_S = 120.0
+"""Seconds between the spans of a clock that drifts, people being rare: 2.4 ms each."""
+DRIFT_SPANS = 42
+"""Spans of a clock that drifts, count: it comes to 100 ms in 84 minutes."""
+MAX_DRIFT_S = 0.1
+"""Advance at which a drift has to be said at last, s: twice the threshold of an alarm."""
+CAMERAS = (2, 3, 8)
+"""Numbers of cameras of the scenes."""
 
 MANY: dict[str, Any] = {"n_cameras": 12, "n_people": 6, "area_radius_m": 2.0}
 _COST_RUNS = 2
@@ -90,6 +87,8 @@ class Run:
         The right alarm.
     checked_s, cpu_s : float
         Monitored time, and the CPU seconds that monitoring took.
+    n_refused : int
+        Scenes that were refused before.
     failure : str
         Reason why there is no calibration to monitor.
     """
@@ -103,6 +102,7 @@ class Run:
     sentence: str = ""
     checked_s: float = 0.0
     cpu_s: float = 0.0
+    n_refused: int = 0
     failure: str = ""
 
 
@@ -115,119 +115,133 @@ def main(argv: Sequence[str] | None = None) -> int:
         0 if all targets are met, else 1.
     """
     args = _arguments(argv)
-    names = [name for name in _TITLES if args.only in (None, name)]
+    out = sys.stderr if args.json else sys.stdout
+    names = [name for name in _TITLES if not args.only or name in args.only]
     met, all_runs = True, []
-    for name in names:
-        task = partial(run, name, minutes=args.minutes)
-        n = min(args.runs, _COST_RUNS) if name == "cost" else args.runs
-        scenes = range(args.first, args.first + n)
-        if args.jobs == 1:
-            runs = [task(k) for k in scenes]
-        else:
-            with ProcessPoolExecutor(args.jobs) as pool:
-                runs = list(pool.map(task, scenes))
-        rows = summary(name, runs)
-        out = sys.stderr if args.json else sys.stdout
-        print_rows(f"{name}: {_TITLES[name]}", rows, file=out)
-        for note in _notes(runs):
-            print(f"  {note}", file=out, flush=True)
-        met &= all(row.met is not False for row in rows)
+    for n_cameras in args.cameras:
+        task = partial(runs_of, n_cameras, names=names, minutes=args.minutes)
+        runs = [run for some in _each(task, args) for run in some]
+        for name in names:
+            own = [run for run in runs if run.name == name]
+            met &= _print(f"{name}, {n_cameras} cameras: {_TITLES[name]}", own, file=out)
+        all_runs += runs
+    if not args.only or "cost" in args.only:
+        runs = [cost(k) for k in range(min(args.runs, _COST_RUNS))]
+        met &= _print("cost: 12 cameras and 6 people, calibration as it is true", runs, file=out)
         all_runs += runs
     if args.json:
         print(json.dumps(finite([asdict(r) for r in all_runs]), indent=2))
     return 0 if met else 1
 
 
+def _each(
+    task: Callable[[int], tuple[Run, ...]], args: argparse.Namespace
+) -> Iterable[tuple[Run, ...]]:
+    scenes = range(args.first, args.first + args.runs)
+    if args.jobs == 1:
+        return [task(k) for k in scenes]
+    with ProcessPoolExecutor(args.jobs) as pool:
+        return list(pool.map(task, scenes))
+
+
+def _print(title: str, runs: Sequence[Run], *, file: IO[str]) -> bool:
+    if not runs:
+        return True
+    rows = summary(runs[0].name, runs)
+    print_rows(title, rows, file=file)
+    for note in _notes(runs):
+        print(f"  {note}", file=file, flush=True)
+    return all(row.met is not False for row in rows)
+
+
 _TITLES = {
-    "turn": f"one of 4 cameras turned by {TURN_DEG:g} degrees about any axis",
-    "clock": f"one of 4 clocks jumps by {1e3 * JUMP_S:g} ms",
+    "turn": f"one of them turns by {TURN_DEG:g} degrees about any axis",
+    "clock": f"the clock of one jumps by {1e3 * JUMP_S:g} ms",
     "undisturbed": "nothing happens",
-    "cost": "12 cameras and 6 people, calibration as it is true",
+    "days": "after 30 days of clocks whose rates are known, one turns or its clock jumps",
+    "drift": f"the clock of one drifts by {SKEW_PPM:g} ppm, its rate is not known",
 }
+_NO_CHANGE = ("undisturbed", "drift")
+"""Parts in which no camera changes during a span."""
 
 
-def run(name: str, index: int, *, minutes: float) -> Run:
-    """Simulate a scene, calibrate its beginning and monitor the rest."""
-    kind = "many" if name == "cost" else list(KINDS)[index % len(KINDS)]
-    seed = 9000 + 100 * list(_TITLES).index(name) + index
-    watched_s = 60.0 * minutes if name == "undisturbed" else QUIET_S + WITHIN_S + SPAN_S
-    start_s = 0.0 if name == "cost" else CALIBRATED_S[-1]
-    given = MANY if name == "cost" else KINDS[kind]
-    options = SceneOptions(seed=seed, n_frames=round(FPS * (start_s + watched_s)), fps=FPS, **given)
-    change = _change(name, seed)
-    scene = simulate(options, clips=shipped_clips(), changes=change)
-    names = scene.rig.names
-    camera = names[change[0].camera] if change else ""
-    calibration = scene.truth if name == "cost" else _calibration(scene)
-    if calibration.status is not Status.OK or len(calibration.cameras) < len(names):
-        return Run(name, seed, kind, camera, failure=calibration.message)
-    at_s = change[0].at_s if change else float("inf")
+def runs_of(n_cameras: int, index: int, *, names: Sequence[str], minutes: float) -> tuple[Run, ...]:
+    """Calibrate one scene and monitor what follows, once for each name."""
+    parts = [name for name in names if name in _TITLES]
+    found = calibrated(n_cameras, index) if parts else None
+    return tuple(run(name, found, index, minutes=minutes) for name in parts if found)
+
+
+def run(name: str, found: Calibrated, index: int, *, minutes: float) -> Run:
+    """Simulate the same cameras for longer, and monitor the time after the calibration."""
+    seed, n_cameras = found.options.seed, found.options.n_cameras
+    camera = seed % n_cameras
+    one = Run(name, seed, found.kind, f"cam{camera}", n_refused=found.n_refused)
+    if found.failure:
+        return replace(one, failure=found.failure)
+    seconds = {"undisturbed": 60.0 * minutes, "drift": SPAN_S * DRIFT_SPANS + SPAN_S}
+    watched_s = seconds.get(name, QUIET_S + WITHIN_S + SPAN_S)
+    changes = () if name in _NO_CHANGE else (_change(name, seed, camera),)
+    options = replace(found.options, n_frames=round(FPS * (CALIBRATED_S + watched_s)))
+    recording = simulate(options, clips=shipped_clips(), changes=changes).recording
+    rates, calibration, timing = found.skew, found.calibration, Timing()
+    if name == "days":
+        calibration, timing = with_rates(calibration, rates), Timing(DAYS_S)
+    if name == "drift":
+        rate = 1e-6 * SKEW_PPM * (-1) ** index
+        rates, timing = {one.camera: rate}, Timing(0.0, DRIFT_PAUSE_S)
     begin = time.process_time()
-    verdicts = list(watched(scene.recording, calibration, start_s))
+    verdicts = list(watched(recording, calibration, CALIBRATED_S, rates=rates, timing=timing))
     cpu_s = time.process_time() - begin
-    return _judged(Run(name, seed, kind, camera, checked_s=watched_s, cpu_s=cpu_s), verdicts, at_s)
+    at_s = min((change.at_s for change in changes), default=float("inf"))
+    return _judged(replace(one, checked_s=watched_s, cpu_s=cpu_s), verdicts, at_s)
 
 
-def _change(name: str, seed: int) -> tuple[CameraChange, ...]:
+def cost(index: int) -> Run:
+    """Monitor many cameras with their true calibration."""
+    seed = 9300 + index
+    scene = simulate(SceneOptions(seed=seed, n_frames=round(FPS * 22.0), fps=FPS, **MANY))
+    begin = time.process_time()
+    verdicts = list(watched(scene.recording, scene.truth, 0.0))
+    cpu_s = time.process_time() - begin
+    checked_s = SPAN_S * len(verdicts)
+    one = Run("cost", seed, "many", "", checked_s=checked_s, cpu_s=cpu_s)
+    return _judged(one, verdicts, float("inf"))
+
+
+def _change(name: str, seed: int, camera: int) -> CameraChange:
     rng = np.random.default_rng(seed)
-    camera, at_s = seed % 4, CALIBRATED_S[-1] + QUIET_S + rng.uniform(-SPAN_S, 0.0)
+    at_s = CALIBRATED_S + QUIET_S + rng.uniform(-SPAN_S, 0.0)
     axis = rng.standard_normal(3)
     turn = np.radians(TURN_DEG) * axis / np.linalg.norm(axis)
-    if name == "turn":
-        return (CameraChange(camera, at_s, turn_rad=(turn[0], turn[1], turn[2])),)
-    if name == "clock":
-        return (CameraChange(camera, at_s, clock_s=JUMP_S * float(rng.choice([-1, 1]))),)
-    return ()
-
-
-def _calibration(scene: Scene) -> Calibration:
-    for length_s in CALIBRATED_S:
-        found = calibrate(excerpt(scene.recording, 0.0, length_s))
-        if found.status is Status.OK and len(found.cameras) == len(scene.rig.names):
-            break
-    return found
-
-
-def watched(
-    recording: Recording, calibration: Calibration, start_s: float
-) -> Iterator[tuple[float, dict[str, Verdict]]]:
-    """End of every span, seconds since the epoch, and the verdicts after it."""
-    offsets = {camera.name: camera.time_offset_s for camera in calibration.cameras}
-    epoch_s = recording.epoch_ns * 1e-9
-    verdicts = {camera.name: Verdict(camera.name) for camera in calibration.cameras}
-    spans: list[Span] = []
-    while start_s + SPAN_S <= recording.cameras[0].stamps[-1]:
-        end_s = start_s + SPAN_S
-        part = excerpt(recording, start_s, end_s, offsets_s=offsets)
-        span = check_span(
-            part,
-            calibration,
-            start_s=epoch_s + start_s,
-            end_s=epoch_s + end_s,
-            min_score=MIN_SCORE,
-        )
-        spans = [*spans, span][-KEPT_SPANS:]
-        verdicts = judge(spans, verdicts, Thresholds())
-        yield end_s, verdicts
-        start_s = end_s
+    if name == "turn" or (name == "days" and seed % 2):
+        return CameraChange(camera, at_s, turn_rad=(turn[0], turn[1], turn[2]))
+    return CameraChange(camera, at_s, clock_s=JUMP_S * float(rng.choice([-1, 1])))
 
 
 def _judged(run: Run, verdicts: list[tuple[float, dict[str, Verdict]]], at_s: float) -> Run:
-    wanted = {"turn": State.MOVED, "clock": State.CLOCK}.get(run.name)
     false: dict[str, str] = {}
     detected_s, sentence = float("nan"), ""
-    for end_s, found in verdicts:
+    for k, (end_s, found) in enumerate(verdicts):
         for name, verdict in found.items():
             if not verdict.state.alarm:
                 continue
-            if name == run.camera and end_s > at_s:
-                if verdict.state is wanted and not verdict.suspects and not sentence:
-                    detected_s, sentence = end_s - at_s, verdict.sentence()
-            else:
+            if not _is_right(run, verdict, end_s > at_s):
                 false.setdefault(name, f"{end_s:.0f} s: {verdict.sentence()}")
+            elif not sentence:
+                drift_s = 1e-6 * SKEW_PPM * DRIFT_PAUSE_S * k
+                detected_s = drift_s if run.name == "drift" else end_s - at_s
+                sentence = verdict.sentence()
     return replace(
         run, false_alarms=tuple(false.values()), detected_s=detected_s, sentence=sentence
     )
+
+
+def _is_right(run: Run, verdict: Verdict, changed: bool) -> bool:
+    """Whether an alarm is about the camera that has changed, or about it and another one."""
+    if run.camera not in (verdict.suspects or (verdict.name,)):
+        return False
+    return verdict.state is State.DRIFTED if run.name == "drift" else changed
 
 
 def summary(name: str, runs: Sequence[Run]) -> tuple[Row, ...]:
@@ -235,19 +249,28 @@ def summary(name: str, runs: Sequence[Run]) -> tuple[Row, ...]:
     n = len(runs)
     watched_runs = sum(not r.failure for r in runs)
     alarms = sum(bool(r.false_alarms) for r in runs)
-    rows = [Row("calibrated", f"{watched_runs} of {n}", f"{n}", watched_runs == n)]
-    if name in ("turn", "clock"):
-        times = [r.detected_s for r in runs]
-        hits = sum(t <= WITHIN_S for t in times)
-        rows.append(Row("right alarm", f"{hits} of {n}", f"{n} in {WITHIN_S:g} s", hits == n))
-        if known := [t for t in times if np.isfinite(t)]:
-            after = f"median {np.median(known):.1f}  max {max(known):.1f}"
-            rows.append(Row("after s", after, "", None))
+    refused = sum(r.n_refused for r in runs)
+    value = f"{watched_runs} of {n}" + (f", {refused} scenes refused before" if refused else "")
+    rows = [Row("calibrated", value, f"{n}", watched_runs == n)]
+    if name in ("turn", "clock", "days"):
+        rows += _detections([r.detected_s for r in runs], "s", WITHIN_S)
+    if name == "drift":
+        rows += _detections([1e3 * r.detected_s for r in runs], "ms", 1e3 * MAX_DRIFT_S)
     rows.append(Row("false alarms", f"in {alarms} of {n}", "0", alarms == 0))
-    load = sum(r.cpu_s for r in runs) / max(sum(r.checked_s for r in runs), 1e-9)
-    met = load <= MAX_CPU_FRACTION
-    rows.append(Row("CPU", f"{load:.1%} of a core", f"<= {MAX_CPU_FRACTION:.0%}", met))
+    if name in ("undisturbed", "cost"):
+        load = sum(r.cpu_s for r in runs) / max(sum(r.checked_s for r in runs), 1e-9)
+        limit = Row("CPU", f"{load:.1%} of a core", f"<= {MAX_CPU_FRACTION:.0%}", None)
+        rows.append(replace(limit, met=load <= MAX_CPU_FRACTION) if name == "cost" else limit)
     return tuple(rows)
+
+
+def _detections(values: Sequence[float], unit: str, limit: float) -> list[Row]:
+    n, hits = len(values), sum(value <= limit for value in values)
+    rows = [Row("right alarm", f"{hits} of {n}", f"{n} in {limit:g} {unit}", hits == n)]
+    if known := [value for value in values if np.isfinite(value)]:
+        after = f"median {np.median(known):.1f}  max {max(known):.1f}"
+        rows.append(Row(f"after {unit}", after, "", None))
+    return rows
 
 
 def _notes(runs: Sequence[Run]) -> tuple[str, ...]:
@@ -256,7 +279,7 @@ def _notes(runs: Sequence[Run]) -> tuple[str, ...]:
         out += [f"seed {r.seed}, {r.kind}: {alarm}" for alarm in r.false_alarms]
         if r.failure:
             out.append(f"seed {r.seed}, {r.kind}: not calibrated: {r.failure}")
-        elif r.camera and not r.detected_s <= WITHIN_S:
+        elif r.name not in ("undisturbed", "cost") and not r.sentence:
             out.append(f"seed {r.seed}, {r.kind}: no alarm about {r.camera}")
     return tuple(out)
 
@@ -264,7 +287,10 @@ def _notes(runs: Sequence[Run]) -> tuple[str, ...]:
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.live.watch", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--only", choices=list(_TITLES), help="one part")
+    parser.add_argument("--only", choices=[*_TITLES, "cost"], nargs="+", help="some parts")
+    parser.add_argument(
+        "--cameras", type=int, nargs="+", default=CAMERAS, metavar="C", help="default 2 3 8"
+    )
     parser.add_argument("--runs", type=int, default=20, metavar="N", help="of each (default 20)")
     parser.add_argument(
         "--first", type=int, default=0, metavar="K", help="begin with run K: other scenes"

@@ -28,7 +28,11 @@ from stcalib_ros.core.validation.camera_checks import CameraChecks, check_camera
 from stcalib_ros.core.validation.thresholds import DEFAULT
 from stcalib_ros.core.validation.verdict import Solution, rival_solution, unsettled_cameras
 
-_UNSTEADY = (RejectionReason.CLOCK_NOT_STEADY, RejectionReason.POSE_CHANGED)
+_UNSTEADY = (
+    RejectionReason.CLOCK_NOT_STEADY,
+    RejectionReason.POSE_CHANGED,
+    RejectionReason.PART_DISAGREES,
+)
 """Reasons for which a camera has no one pose and clock that it could be registered at."""
 
 

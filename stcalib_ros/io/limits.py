@@ -38,6 +38,10 @@ MAX_KEYPOINT_PX = 1e6
 """Pixels. A keypoint that is further from the corner of its image is none. Chosen, ten times
 `MAX_IMAGE_SIDE`."""
 
+MAX_COORDINATE = 1e9
+"""Pixels, or the unit of 3D poses. A coordinate of a message beyond this counts as infinite, and so
+as not observed: squares of such numbers leave the range of float32. Chosen, above millimetres."""
+
 MIN_FRAME_RATE, MAX_FRAME_RATE = 0.1, 1000.0
 """Images per second, from time lapse to high-speed cameras; others are mistakes. Chosen."""
 

@@ -20,6 +20,7 @@ from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
 from stcalib_ros.core.model.keypoint_layouts import Layout, find_layout
 from stcalib_ros.core.model.recording import Intrinsics
+from stcalib_ros.io.limits import MAX_COORDINATE
 
 NS = 1_000_000_000
 
@@ -137,7 +138,9 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
         keypoints=_detected(keypoints),
         joints=None if joints is None else _observed(joints),
         joint_scores=np.where(np.isfinite(scores), scores, np.float32(0.0)),
-        n_infinite=sum(int(np.isinf(a).sum()) for a in (keypoints, joints) if a is not None),
+        n_infinite=sum(
+            int((np.abs(a) > MAX_COORDINATE).sum()) for a in (keypoints, joints) if a is not None
+        ),
     )
 
 
@@ -209,6 +212,6 @@ def _detected(keypoints: Float32Array) -> Float32Array:
 
 
 def _observed(points: Float32Array) -> Float32Array:
-    """Points with a NaN or infinite coordinate become NaN."""
-    finite = np.isfinite(points).all(axis=-1, keepdims=True)
+    """Points with a coordinate that is NaN, infinite or as good as that become NaN."""
+    finite = (np.abs(points) <= MAX_COORDINATE).all(axis=-1, keepdims=True)
     return np.where(finite, points, np.float32(np.nan))

@@ -18,6 +18,9 @@ _FORMS = {0: ">iI", 1: "<iI", 6: ">iI", 7: "<iI"}
 """By the encapsulation: plain CDR and plain CDR 2, big and little endian."""
 
 _MAX_NS = 2**31 * NS
+_MAX_OFFSET_S = 2.0**31
+"""Seconds. No two times that stamps can hold are further apart, so that no clock is; beyond, a
+corrected time has no number either."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +37,8 @@ class ClockCorrection:
     Raises
     ------
     InputError
-        The offset or the skew is not finite, or the clock would stand still or run backwards.
+        The offset or the skew is not finite, or more than any two stamps can differ by, or the
+        clock would stand still or run backwards.
 
     Examples
     --------
@@ -47,7 +51,7 @@ class ClockCorrection:
     epoch_ns: int = 0
 
     def __post_init__(self) -> None:
-        if not math.isfinite(self.offset_s) or not abs(self.skew) < 1.0:
+        if not abs(self.offset_s) < _MAX_OFFSET_S or not abs(self.skew) < 1.0:
             raise InputError(f"no clock: offset {self.offset_s} s, skew {self.skew}")
 
     def apply(self, stamp_ns: int) -> int:

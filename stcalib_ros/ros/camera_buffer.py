@@ -66,6 +66,8 @@ class Counts:
         Images in the buffer in which somebody has a 3D pose.
     fault : Rejection or None
         Why the keypoints cannot be those of people.
+    dropped_age_s : float
+        Time since the last message was dropped; inf if none was.
     """
 
     images: int
@@ -82,6 +84,7 @@ class Counts:
     no_keypoints: bool = False
     images_3d: int = 0
     fault: Rejection | None = None
+    dropped_age_s: float = math.inf
 
 
 @dataclass(slots=True)
@@ -118,6 +121,7 @@ class CameraBuffer:
         self._follower = Follower(limits)
         self._others: dict[CameraInfoFields, _OtherLens] = {}
         self._arrived: float | None = None
+        self._dropped_at_s = -math.inf
         self._received = self._dropped = self._flushes = 0
         self._last_problem = ""
 
@@ -189,7 +193,7 @@ class CameraBuffer:
         now_s = self._clock()
         if (change := self._follower.change(now_s)) is not None:
             why, dropped = change
-            self._dropped += dropped
+            self._count_dropped(dropped)
             if why:
                 self._flushed(f"{self.camera.pose_topic}: {why}")
         if self._others:
@@ -216,6 +220,7 @@ class CameraBuffer:
             and not any(np.isfinite(i.keypoints).any() for i in self.images),
             images_3d=sum(image.joints is not None for image in self.images),
             fault=self._fault(),
+            dropped_age_s=self._clock() - self._dropped_at_s,
         )
 
     def _fault(self) -> Rejection | None:
@@ -235,7 +240,7 @@ class CameraBuffer:
     def _take(self, image: PoseImage, now_s: float) -> None:
         topic = self.camera.pose_topic
         if why := self._follower.break_before(image):
-            self._dropped += self._follower.set_aside(image, why)
+            self._count_dropped(self._follower.set_aside(image, why))
             self._last_problem = one_line(
                 f"{topic}: {why}; do two cameras publish on this topic?", MAX_LINE
             )
@@ -244,14 +249,14 @@ class CameraBuffer:
         if bound := self._follower.append(image, now_s):
             self._warn("bound", f"{topic}: {bound}; the oldest images are discarded")
         if dropped := self._follower.drop_aside():
-            self._dropped += dropped
+            self._count_dropped(dropped)
             self._warn("dropped", f"{topic}: {dropped} images that were set aside are dropped")
 
     def _note_other(self, info: CameraInfoFields) -> None:
         if info not in self._others:
             if len(self._others) == MAX_OTHER_LENSES:
                 del self._others[min(self._others, key=lambda i: self._others[i].n)]
-                self._dropped += 1
+                self._count_dropped(1)
             newest_ns = self.images[-1].stamp_ns if self.images else 0
             self._others[info] = _OtherLens(self._clock(), newest_ns)
             why = _lens_change(self.camera.info_topic, self.info, info)
@@ -272,7 +277,7 @@ class CameraBuffer:
 
     def _drop_lenses(self) -> None:
         if self._others:
-            self._dropped += len(self._others)
+            self._count_dropped(len(self._others))
             other = next(iter(self._others))
             self._last_problem = _lens_change(self.camera.info_topic, self.info, other)
             self._others.clear()
@@ -282,8 +287,13 @@ class CameraBuffer:
         self._last_problem = one_line(why, MAX_LINE)
         self._warn("flush", f"{self._last_problem}; what was received before is discarded")
 
+    def _count_dropped(self, n: int) -> None:
+        if n:
+            self._dropped += n
+            self._dropped_at_s = self._clock()
+
     def _drop(self, why: str) -> None:
-        self._dropped += 1
+        self._count_dropped(1)
         self._last_problem = one_line(why, MAX_LINE)
         self._warn("drop", f"{self._last_problem} (dropped)")
 

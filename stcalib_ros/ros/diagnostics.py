@@ -14,7 +14,7 @@ from stcalib_ros.core.model.rejection_text import sentence
 from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.camera_buffer import Counts
-from stcalib_ros.ros.limits import STARVED_S
+from stcalib_ros.ros.limits import PROBLEM_S, STARVED_S
 from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.worker import Step
 
@@ -104,7 +104,7 @@ def camera_status(
     """Return the status of one camera.
 
     An error if it is starved, sends nothing usable, or the calibration does not hold for it any
-    more; a warning if messages were dropped.
+    more; a warning if messages were dropped in the last minute.
     """
     level, message = DiagnosticStatus.OK, "receiving"
     if lack:
@@ -112,7 +112,7 @@ def camera_status(
     elif verdict is not None and verdict.state.alarm:
         level = DiagnosticStatus.ERROR if verdict.state.changed else DiagnosticStatus.WARN
         message = verdict.sentence()
-    elif counts.dropped:
+    elif counts.dropped_age_s <= PROBLEM_S:
         level, message = DiagnosticStatus.WARN, f"dropped messages: {counts.last_problem}"
     values = {
         "rate_hz": f"{counts.rate_hz:.2f}",

@@ -35,6 +35,14 @@ MAX_SEQUENCE_GAP = 1_000_000
 """Messages. A jump of a publisher's sequence number that is at least so large is another publisher
 and not a loss. Nine hours at 30 Hz, longer than any gap that this node would live through."""
 
+MAX_PUBLISHERS = 8
+"""Publishers of one topic, count, whose sequence numbers are followed; of more, the one that has
+not sent for longest is forgotten. Chosen: two are a mistake already."""
+
+PROBLEM_S = 60.0
+"""Seconds since the last dropped message for which a camera's status is a warning: as long as the
+span of the figures of load (LOAD_SPAN_S). The count stays."""
+
 MAX_CHECKED_IMAGES = 30
 """Images. Whether keypoints can be those of people in pixels is judged by so many of the window at
 most, every second. Chosen: they are either all in one unit, or none of use."""
@@ -138,6 +146,11 @@ LOOK_S = 0.5
 
 LOAD_SPAN_S = 60.0
 """Seconds. Delays and durations on /diagnostics are those of the last so many."""
+
+SOLVER_MB = 1000
+"""Megabytes. The solver's process may take so much beside the images that it is given; with more,
+the run fails and says so. Simulated runs take 60 MB (4 cameras, 3 people, 10 s), 150 MB (8 cameras,
+5 people, 30 s), 170 MB (3 cameras, 12 people, 30 s): measured as the growth of VmData."""
 
 STOP_S = 1.0
 """Seconds. A run is given this long to end when the node stops; then the process leaves it. Below

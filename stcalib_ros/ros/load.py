@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.ros.limits import LOAD_SPAN_S, MAX_SEQUENCE_GAP
+from stcalib_ros.ros.limits import LOAD_SPAN_S, MAX_PUBLISHERS, MAX_SEQUENCE_GAP
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +81,38 @@ class Meter:
         return Load(len(delays), p50, p99, longest, *_quantiles(holds, (99, 100)))
 
 
+@dataclass(slots=True, eq=False)
+class _Publisher:
+    """Where a publisher's numbers are.
+
+    Attributes
+    ----------
+    last : int
+        The last one.
+    gap : (int, int)
+        The numbers before and after its last gap.
+    """
+
+    last: int
+    gap: tuple[int, int]
+
+    def goes_on(self, number: int) -> int:
+        """Add a number; return how many before it have not come."""
+        skipped = number - self.last - 1
+        if skipped:
+            self.gap = (self.last, number)
+        self.last = number
+        return skipped
+
+
 class LossCounter:
     """Counts the messages that were published on a topic and never came.
 
-    Publishers number their messages. What the network or a full queue lost is a gap in the
-    numbers; numbers that go back are those of a publisher that has started anew.
+    Each publisher numbers its messages. What the network or a full queue lost is a gap in its
+    numbers; a number that no publisher continues is that of another one, or of one that has
+    started anew. Who has sent a message is not said: it continues the publisher whose last number
+    is nearest below. What was taken for a loss is none if a number of the gap still comes: then it
+    was the first message of another publisher.
 
     Examples
     --------
@@ -98,15 +125,31 @@ class LossCounter:
 
     def __init__(self) -> None:
         self.lost = 0
-        self._last: int | None = None
+        self._publishers: list[_Publisher] = []
 
     def came(self, number: int | None) -> None:
         """Note the number of a message; None where the middleware has none."""
         if number is None:
             return
-        if self._last is not None and 1 < number - self._last < MAX_SEQUENCE_GAP:
-            self.lost += number - self._last - 1
-        self._last = number
+        one = self._before(number) or self._in_gap(number) or _Publisher(number, (number, number))
+        self.lost += one.goes_on(number) if number > one.last else 0
+        others = [p for p in self._publishers if p is not one]
+        self._publishers = [*others[1 - MAX_PUBLISHERS :], one]
+
+    def _before(self, number: int) -> _Publisher | None:
+        """Return the publisher whose last number is nearest below."""
+        below = [p for p in self._publishers if 0 < number - p.last < MAX_SEQUENCE_GAP]
+        return max(below, key=lambda publisher: publisher.last, default=None)
+
+    def _in_gap(self, number: int) -> _Publisher | None:
+        """Return the publisher that goes on in the gap of another one, which then is none."""
+        for other in self._publishers:
+            before, after = other.gap
+            if before < number < after:
+                self.lost -= after - before - 1
+                other.gap = (after, after)
+                return _Publisher(before, (before, before))
+        return None
 
 
 def _quantiles(values: Float64Array, percents: tuple[int, ...]) -> tuple[float, ...]:

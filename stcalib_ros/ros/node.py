@@ -315,7 +315,7 @@ class Calibrator:
         cameras = {camera.name: camera for camera in self.settings.cameras}
         lacks = {n: starvation(c, counts[n], self.node) for n, c in cameras.items()}
         lost = self._intake.lost()
-        newly_lost, self._lost = lost != self._lost, lost
+        newly_lost, self._lost = sum(lost.values()) > sum(self._lost.values()), lost
         array = DiagnosticArray(
             status=[
                 solver_status(

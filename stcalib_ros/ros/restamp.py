@@ -32,7 +32,7 @@ from stcalib_ros.ros.limits import (
 )
 from stcalib_ros.ros.publishers import latched
 from stcalib_ros.ros.restamp_parameters import RelayedTopic, RelaySettings, declare_relay
-from stcalib_ros.ros.running import spin_until, stop_on_signals
+from stcalib_ros.ros.running import events_executor, spin_until, stop_on_signals
 
 _HEADER = "std_msgs/Header"
 
@@ -342,7 +342,7 @@ def main() -> int:
     except InputError as error:
         print(f"restamp: {error}", file=sys.stderr)
         return 2
-    spin_until(stop, node)
+    spin_until(stop, node, events_executor(node.context))
     node.destroy_node()
     rclpy.shutdown()
     return 0

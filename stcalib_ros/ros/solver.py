@@ -1,13 +1,14 @@
 """The calibration in a process of its own; knows no ROS.
 
-The solver takes gigabytes for some seconds. In a process of its own they go back to the system
-when it ends, it does not compete with the callbacks of the node for Python's lock, can be
-stopped at any time, and takes nothing with it if memory runs out.
+In a process of its own the solver's memory goes back to the system when it ends and has a limit, it
+does not compete with the callbacks of the node for Python's lock, can be stopped at any time, and
+takes nothing with it if memory runs out.
 """
 
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -16,12 +17,14 @@ from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 from stcalib_ros.core.errors import Cancelled, StcalibError
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.options import Options
 from stcalib_ros.io.assemble import CameraImages, assemble_recording
+from stcalib_ros.ros.limits import SOLVER_MB
 from stcalib_ros.threads import use_one_thread
 
 _POLL_S = 0.05
@@ -42,6 +45,7 @@ def calibrate_in_subprocess(
     options: Options,
     *,
     cancelled: Callable[[], bool],
+    memory_mb: float = SOLVER_MB,
     **listeners: Callable[..., None],
 ) -> Calibration:
     """Assemble what arrived of the cameras and calibrate, in a process of its own.
@@ -53,6 +57,8 @@ def calibrate_in_subprocess(
     options : Options
     cancelled : callable
         Polled every `_POLL_S`; the process is killed when it returns true.
+    memory_mb : float
+        Memory that the process may take beside the images.
     **listeners : callable
         ``warn`` of `assemble_recording`, and any of `calibrate`'s, such as ``progress``; called
         in the caller's thread.
@@ -70,7 +76,10 @@ def calibrate_in_subprocess(
     context = get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(
-        target=_serve, args=(theirs, options, tuple(listeners)), name="solver", daemon=True
+        target=_serve,
+        args=(theirs, options, tuple(listeners), memory_mb),
+        name="solver",
+        daemon=True,
     )
     with _without_interrupts():
         process.start()
@@ -81,8 +90,8 @@ def calibrate_in_subprocess(
     except (EOFError, BrokenPipeError, ConnectionResetError):
         process.join()
         raise SolverError(
-            f"the solver's process has ended (exit code {process.exitcode}); if memory ran out, "
-            "make window_s smaller"
+            f"the solver's process has ended (exit code {process.exitcode}); if memory ran out, of "
+            f"which it may take {memory_mb:.0f} MB beside the images, make window_s smaller"
         ) from None
     finally:
         process.kill()
@@ -144,29 +153,55 @@ def _without_interrupts() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _serve(pipe: Connection, options: Options, events: Sequence[str]) -> None:
+def _serve(pipe: Connection, options: Options, events: Sequence[str], memory_mb: float) -> None:
     """Main function of the process; ends silently when the other end of the pipe is gone."""
     os.nice(_NICE)
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
-        pipe.send(_answer(pipe, options, events))
+        pipe.send(_answer(pipe, options, events, memory_mb))
 
 
-def _answer(pipe: Connection, options: Options, events: Sequence[str]) -> tuple[str, object]:
+def _answer(
+    pipe: Connection, options: Options, events: Sequence[str], memory_mb: float
+) -> tuple[str, object]:
     """Receive the data and calibrate; return what to send at the end."""
     from stcalib_ros.core.pipeline import calibrate  # here: the node needs nothing of it
 
     listeners = {event: partial(_send_event, pipe, event) for event in events}
     warn = listeners.pop("warn")
     try:
-        recording = assemble_recording(_received(pipe), warn=warn)
+        cameras = _received(pipe)
         threading.Thread(target=_end_with, args=(pipe,), daemon=True).start()
+        _limit_memory(memory_mb)
+        recording = assemble_recording(cameras, warn=warn)
+        del cameras
         return _RESULT, calibrate(recording, options, **listeners)  # type: ignore[arg-type]
     except (EOFError, BrokenPipeError, ConnectionResetError):
         raise
     except StcalibError as error:
         return _ERROR, error
+    except MemoryError:
+        return _ERROR, SolverError(
+            f"the solver needs more than {memory_mb:.0f} MB beside the images: make window_s "
+            "smaller, or see to it that ids of persons last longer"
+        )
     except Exception as error:  # the node goes on, whatever the solver stumbles over
         return _ERROR, SolverError(f"{type(error).__name__}: {error}")
+
+
+def _limit_memory(megabytes: float) -> None:
+    """Let this process take so much more memory than it has; beyond that it gets a MemoryError.
+
+    Does nothing where the system does not say what it has (/proc).
+    """
+    try:
+        status = Path("/proc/self/status").read_text()
+    except OSError:
+        return
+    sizes = (line.split()[1] for line in status.splitlines() if line.startswith("VmData:"))
+    limit = int(next(sizes)) * 1024 + round(megabytes * 1e6)
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    if hard in (resource.RLIM_INFINITY, -1) or limit < hard:
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
 
 
 def _send_event(pipe: Connection, event: str, *content: Any) -> None:

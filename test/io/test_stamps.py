@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from fractions import Fraction
 
 import hypothesis.strategies as st
@@ -53,10 +54,22 @@ def test_corrections_are_exact_to_a_nanosecond(stamp, offset_s, skew, age):
     assert abs(ClockCorrection(offset_s, skew, epoch).apply(stamp) - exact) <= 1
 
 
-@pytest.mark.parametrize(("offset_s", "skew"), [(float("nan"), 0.0), (0.0, 1.0), (0.0, -1.5)])
+@pytest.mark.parametrize(
+    ("offset_s", "skew"),
+    [(float("nan"), 0.0), (float("inf"), 0.0), (1e300, 0.0), (-1e10, 0.0), (0.0, 1.0), (0.0, -1.5)],
+)
 def test_clocks_that_are_none_are_refused(offset_s, skew):
     with pytest.raises(InputError, match="no clock"):
         ClockCorrection(offset_s, skew)
+
+
+@given(STAMPS, st.floats(), st.floats(), st.integers(-(2**31) * NS, 2**31 * NS))
+def test_whatever_a_result_says_a_message_is_relayed_or_dropped(stamp, offset_s, skew, epoch_ns):
+    restamper = Restamper()
+    with suppress(InputError):
+        restamper.correction = ClockCorrection(offset_s, skew, epoch_ns)
+    out = restamper(message(stamp))
+    assert (restamper.relayed, restamper.dropped) == ((0, 1) if out is None else (1, 0))
 
 
 @pytest.mark.parametrize("data", [b"", LITTLE, message(T0)[:11], b"\x00\x03\x00\x00" + bytes(20)])

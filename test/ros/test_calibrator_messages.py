@@ -27,6 +27,7 @@ from stcalib_ros.ros.diagnostics import (
     solver_status,
     starvation,
 )
+from stcalib_ros.ros.limits import PROBLEM_S
 from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.markers import camera_markers
 from stcalib_ros.ros.publishers import transforms
@@ -82,10 +83,16 @@ def test_nothing_gives_no_frusta():
         (COUNTS, "", DiagnosticStatus.OK, "receiving"),
         (COUNTS, "waits for poses", DiagnosticStatus.ERROR, "waits for poses"),
         (
-            replace(COUNTS, dropped=2, last_problem="too many"),
+            replace(COUNTS, dropped=2, last_problem="too many", dropped_age_s=0.5 * PROBLEM_S),
             "",
             DiagnosticStatus.WARN,
             "dropped messages: too many",
+        ),
+        (
+            replace(COUNTS, dropped=2, last_problem="too many", dropped_age_s=1.5 * PROBLEM_S),
+            "",
+            DiagnosticStatus.OK,
+            "receiving",
         ),
     ],
 )

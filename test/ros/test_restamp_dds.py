@@ -185,6 +185,7 @@ def test_new_offsets_hold_at_once_and_are_told(live, sender):
     ("offsets_s", "fields", "why"),
     [
         ({"cam0": float("nan")}, {}, "no clock: offset nan s"),
+        ({"cam0": 1e300}, {}, "no clock: offset 1e+300 s"),
         (
             {"cam0": 0.0},
             {"status": CalibrationResult.DEGENERATE, "message": "too flat"},

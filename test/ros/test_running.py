@@ -10,10 +10,11 @@ pytest.importorskip("rclpy", reason="needs ROS 2: make env")
 
 import rclpy
 
-from stcalib_ros.ros.running import spin_until
+from stcalib_ros.ros.running import events_executor, spin_until
 
 
-def test_an_error_in_a_callback_is_said_and_ends_nothing(capfd):
+@pytest.mark.parametrize("make", [events_executor, lambda context: None], ids=["events", "usual"])
+def test_an_error_in_a_callback_is_said_and_ends_nothing(capfd, make):
     context = rclpy.Context()
     context.init()
     node = rclpy.create_node("stumbles", context=context)
@@ -28,7 +29,7 @@ def test_an_error_in_a_callback_is_said_and_ends_nothing(capfd):
 
     try:
         node.create_timer(0.01, stumble)
-        spin_until(stop, node)
+        spin_until(stop, node, make(context))
     finally:
         node.destroy_node()
         context.shutdown()

@@ -121,6 +121,15 @@ def test_a_process_that_is_killed_is_told(cameras):
         )
 
 
+def test_memory_has_a_limit(cameras):
+    """The process raises MemoryError, or OpenBLAS ends it."""
+    with pytest.raises(SolverError, match=r" 4 MB beside the images.* make window_s smaller"):
+        calibrate_in_subprocess(
+            list(cameras), Options(), cancelled=never, warn=quiet, progress=quiet, memory_mb=4.0
+        )
+    assert multiprocessing.active_children() == []
+
+
 def test_images_are_not_kept_once_they_are_handed_over(cameras):
     given, left = list(cameras), []
     with pytest.raises(Cancelled):

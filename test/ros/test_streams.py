@@ -149,6 +149,13 @@ def test_of_two_that_come_instead_the_one_with_more_wins(scene):
     assert {image.metric for image in camera.images} == {False}
 
 
+def test_how_long_ago_a_message_was_dropped(scene):
+    assert scene.counts.dropped_age_s == np.inf
+    scene.send(101.0, layout="x" * 10_000)
+    scene.wait(7.0)
+    assert (scene.counts.dropped, scene.counts.dropped_age_s) == (1, pytest.approx(7.0))
+
+
 def test_a_lens_that_somebody_else_sends_is_dropped(scene):
     for _ in range(40):
         scene.wait(0.5)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from stcalib_ros.core.bundle.gauge import spread
-from stcalib_ros.core.bundle.levenberg_marquardt import cluster_scores
+from stcalib_ros.core.bundle.levenberg_marquardt import Motion, cluster_scores
 from stcalib_ros.core.bundle.limits import (
     CLUSTERS_PER_UNKNOWN,
     LONGEST_CLUSTER,
@@ -29,7 +29,7 @@ from stcalib_ros.core.bundle.parameters import (
 )
 from stcalib_ros.core.bundle.residuals import errors_px, robust_scale
 from stcalib_ros.core.bundle.scaled_system import propagate
-from stcalib_ros.core.bundle.state import BundleState
+from stcalib_ros.core.bundle.state import BundleState, estimate_motion
 from stcalib_ros.core.geometry.robust import CAUCHY, MIN_SCALE_PX
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
@@ -235,6 +235,7 @@ def information(
     layout: ParameterLayout | None = None,
     *,
     of_poses: bool = True,
+    motion: Motion = estimate_motion,
 ) -> Information:
     """Sum up what the keypoints know of the unknowns of a layout.
 
@@ -254,6 +255,8 @@ def information(
         Default: poses and time offsets.
     of_poses : bool
         Poses and offsets are of interest, which the noise of the velocities makes less certain.
+    motion : callable
+        How velocities were read.
     """
     layout = layout or state.layout
     cluster = clusters(obs, state.triangulated(), n_unknowns=len(layout.free()))
@@ -262,7 +265,7 @@ def information(
     scale = CAUCHY * max(robust_scale(errors, state.inlier), MIN_SCALE_PX)
     lost = _curvature_lost(errors[state.inlier], scale)
     noisy = of_poses and not state.synchronised
-    noise = velocity_noise(obs, state, scale) if noisy else None
+    noise = velocity_noise(obs, state, scale, motion) if noisy else None
     return Information(state.cameras, system, U, lost, noise)
 
 

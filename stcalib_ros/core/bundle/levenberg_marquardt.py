@@ -9,7 +9,7 @@ of closed-form 3x3 factorisations and one matrix product.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +25,10 @@ from stcalib_ros.core.bundle.parameters import ParameterLayout
 from stcalib_ros.core.bundle.residuals import noise_px
 from stcalib_ros.core.bundle.state import BundleState, estimate_motion
 from stcalib_ros.core.geometry.robust import CAUCHY
-from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+
+Motion = Callable[[Observations, Float64Array, BoolArray], tuple[Float64Array, Float64Array]]
+"""Reads velocities and accelerations (N, J, 3) from joints, those present (N, J) only."""
 
 _MIN_RENEWALS = 4
 """Count. Steps with velocities read anew before an adjustment may end. Numerical."""
@@ -43,6 +46,8 @@ def adjust(
     tolerance: float,
     renew_velocities: bool = False,
     layout: ParameterLayout | None = None,
+    motion: Motion = estimate_motion,
+    settle_points: bool = False,
 ) -> BundleState:
     """Levenberg-Marquardt on the robust cost.
 
@@ -60,6 +65,11 @@ def adjust(
         Read V from the trajectories again after every step; else it stays as it is.
     layout : ParameterLayout, optional
         Unknowns that are estimated; default: poses and time offsets.
+    motion : callable
+        How V and A are read.
+    settle_points : bool
+        Let the points take a step of their own after each of the cameras: where their depths change
+        by much, they do not follow in a straight line.
     """
     damping = _FIRST_DAMPING
     scale = CAUCHY * noise_px(obs, state)
@@ -68,12 +78,14 @@ def adjust(
     for step in range(iterations):
         here = problem.reduce(damping)
         there = problem.apply_step(here)
+        if settle_points:
+            there = there.settled()
         if there.cost < here.cost:
             problem = there.problem
             damping = max(damping / _DAMPING_FACTOR, _LEAST_DAMPING)
             if renew_velocities:
                 state = problem.state_of(state)
-                V, A = estimate_motion(obs, state.X, state.triangulated())
+                V, A = motion(obs, state.X, state.triangulated())
                 state = replace(state, V=V, A=A)
                 problem = PointProblem(obs, state, scale, layout)
             if there.length < tolerance and step >= least:
@@ -178,6 +190,19 @@ class SolverStep:
     problem: PointProblem
     cost: float
     length: float
+
+    def settled(self) -> SolverStep:
+        """The same after another step of the points alone."""
+        problem = self.problem
+        X, cost = problem.state.X.copy(), 0.0
+        flat_X = X.reshape(-1, 3)
+        for block, at in problem.linearised():
+            flat_X[block.points] = at.settled(problem.scale)
+            moved = flat_X[block.points]
+            cost += block.at(problem.cameras, moved).cost(problem.scale)
+        state = replace(problem.state, X=X)
+        settled = PointProblem(problem.obs, state, problem.scale, problem.layout)
+        return replace(self, problem=settled, cost=cost)
 
 
 class PointProblem:

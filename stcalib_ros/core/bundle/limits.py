@@ -36,6 +36,18 @@ SMOOTHED_TOLERANCE = 0.5
 """Standard deviations. Adjustments with smoothed velocities end at steps below this; the next pass
 goes on from there. Chosen."""
 
+BODY_REACH = 1.2
+"""Units of the adjustment, about metres. Joints further from the middle of their body belong to
+another side or person. Derived: an arm or a leg is shorter, from the middle of the trunk."""
+
+MAX_PATH_DEVIATION = 1.5
+"""Units of the adjustment, about metres. Bodies further from the median of their path over three
+seconds are other people. Derived: somebody who turns back from a run is off by less."""
+
+MAX_DEPTH_SIGMA = 4.0
+"""Standard deviations of a depth, beside `BODY_REACH` and `MAX_PATH_DEVIATION`. Derived: one joint
+of 15,000 exceeds it by chance."""
+
 LONGEST_CLUSTER = 150
 """Time bins, five seconds at 30 Hz. Longest span over which the errors of one joint of one person
 count as one independent sample: a person turns within that. Chosen so that the normalised errors

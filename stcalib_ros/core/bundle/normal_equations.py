@@ -214,6 +214,13 @@ class Linearisation(Projection):
         y = eliminated.z + forward_solve(eliminated.factors, towards)
         return np.asarray((self.X - backward_solve(eliminated.factors, y)).T)
 
+    def settled(self, scale: float) -> Float64Array:
+        """Joints (P, 3) after a step of their own, the cameras fixed."""
+        m, q = self.weighted(scale)
+        factors = self._point_factors(m)
+        z = forward_solve(factors, (np.swapaxes(self.cameras.R, -1, -2) @ q).sum(0))
+        return np.asarray((self.X - backward_solve(factors, z)).T)
+
     def _displacement(self, unknown: CameraUnknown) -> Float64Array:
         """Displacements (C, 3, P) by an unknown beyond pose and time offset, per unit."""
         return np.asarray(unknown.derivative(self.view)[:, 0])

@@ -62,6 +62,16 @@ class Observations:
     line_s: Float64Array | None = None
     middle_s: float = 0.0
 
+    def rows_of(self, person: IntArray, time_bin: IntArray) -> IntArray:
+        """Row of each person (...) at each time bin (...); -1 where there is none."""
+        span = int(self.time_bin.max(initial=0)) + 1
+        keys = self.person * span + self.time_bin
+        inside = (time_bin >= 0) & (time_bin < span)
+        wanted = np.where(inside, person * span + time_bin, -1)
+        at = np.searchsorted(keys, wanted)
+        found = keys[np.minimum(at, len(keys) - 1)] == wanted if len(keys) else inside & False
+        return np.where(found, at, -1)
+
     def since_middle(self, rows: slice | IntArray = slice(None)) -> Float64Array:
         """Time (n,) of rows after the middle of the recording, s."""
         return np.asarray(self.start_s + self.time_bin[rows] * self.step_s - self.middle_s)
@@ -107,12 +117,10 @@ def observe(
     some = next(t for m in members for t in m.tracks)
     J, precision = some.x.shape[1], some.x.dtype
     n_bins = int(np.ceil(association.person_of[0].shape[1] * association.slot_s / step_s)) + 2
-    cells = np.zeros((association.n_persons * n_bins, C), dtype=np.int64) - 1
     table = [_images(m, rig, i, association, step_s) for i, m in enumerate(members)]
-    for c, images in enumerate(table):
-        order = np.argsort(-np.abs(images.phi), kind="stable")
-        cells[images.person[order] * n_bins + images.time_bin[order], c] = order
-    rows = np.flatnonzero((cells >= 0).sum(-1) >= 2)
+    cells, image_of = zip(*(_cells(images, n_bins) for images in table), strict=True)
+    occupied, n_cameras = np.unique(np.concatenate(cells), return_counts=True)
+    rows = occupied[n_cameras >= 2]
     N = len(rows)
     x, focal = np.zeros((N, C, J, 2), precision), np.ones((N, C, J), precision)
     seen = np.zeros((N, C, J), dtype=bool)
@@ -120,8 +128,8 @@ def observe(
     rolling = some.rows is not None
     row = np.zeros((N, C, J), precision) if rolling else None
     for c, images in enumerate(table):
-        there = np.flatnonzero(cells[rows, c] >= 0)
-        image = cells[rows[there], c]
+        _, there, here = np.intersect1d(rows, cells[c], assume_unique=True, return_indices=True)
+        image = image_of[c][here]
         points = images.x[image]
         known = np.isfinite(points).all(-1)
         seen[there, c] = known
@@ -168,6 +176,14 @@ def _images(
         part = (person[use], time_bins[frames], late[frames], index, track.x[use], track.focal[use])
         parts.append(part if track.rows is None else (*part, track.rows[use]))
     return _CameraImages(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _cells(images: _CameraImages, n_bins: int) -> tuple[IntArray, IntArray]:
+    """Persons at time bins, as sorted numbers, and the image of each that is nearest in time."""
+    nearest_first = np.argsort(-np.abs(images.phi), kind="stable")[::-1]
+    cell = images.person * n_bins + images.time_bin
+    occupied, first = np.unique(cell[nearest_first], return_index=True)
+    return occupied, nearest_first[first]
 
 
 def nearest_bins(position: Float64Array) -> IntArray:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import eigvalsh
 
-from stcalib_ros.core.bundle.levenberg_marquardt import PointProblem, adjust
+from stcalib_ros.core.bundle.levenberg_marquardt import Motion, PointProblem, adjust
 from stcalib_ros.core.bundle.limits import (
     MAX_NOISE_FRACTION,
     MAX_NOISE_SUBTRACTED,
@@ -89,7 +89,9 @@ class VelocityNoise:
         return ReducedSystem(H, g)
 
 
-def velocity_noise(obs: Observations, state: BundleState, scale: float) -> VelocityNoise:
+def velocity_noise(
+    obs: Observations, state: BundleState, scale: float, motion: Motion = estimate_motion
+) -> VelocityNoise:
     """Estimate the noise of velocities that are read from the joints of a state.
 
     Parameters
@@ -98,9 +100,11 @@ def velocity_noise(obs: Observations, state: BundleState, scale: float) -> Veloc
     state : BundleState
     scale : float
         Of the Cauchy weights, px.
+    motion : callable
+        How velocities are read.
     """
     problem = PointProblem(obs, state, scale)
-    variance, noise = np.full(state.inlier.shape[::2], np.inf), _signs(obs, state.X.shape[1])
+    variance, noise = np.full(state.inlier.shape[::2], np.inf), random_signs(obs, state.X.shape[1])
     flat_variance, flat_noise = variance.reshape(-1), noise.reshape(-1, 3)
     for block, at in problem.linearised():
         factors = at.unweighted_factors()
@@ -109,7 +113,7 @@ def velocity_noise(obs: Observations, state: BundleState, scale: float) -> Veloc
         flat_noise[block.points] = backward_solve(factors, flat_noise[block.points].T).T
     known = np.isfinite(variance)
     present = known & (variance < MAX_POINT_VARIANCE * np.median(variance[known]))
-    V = estimate_motion(obs, scale / CAUCHY * noise, present)[0].reshape(-1, 3)
+    V = motion(obs, scale / CAUCHY * noise, present)[0].reshape(-1, 3)
     C = len(state.t_cam_ref)
     H, g = np.zeros((C, C)), np.zeros(C)
     for block, at in problem.linearised():
@@ -121,7 +125,7 @@ def velocity_noise(obs: Observations, state: BundleState, scale: float) -> Veloc
     return VelocityNoise(H, g, state.shift_s, np.asarray(present))
 
 
-def _signs(obs: Observations, J: int) -> Float64Array:
+def random_signs(obs: Observations, J: int) -> Float64Array:
     """Random signs (N, J, 3), the same for all persons of a time bin, whatever their order."""
     since = obs.time_bin - obs.time_bin.min()
     sample = np.random.default_rng(0).integers(0, 2, (int(since.max()) + 1, J, 3))

@@ -146,7 +146,7 @@ def estimate_motion(
 
     Of noisy points with `smooth_s`: by cubics over so many seconds to either side.
     """
-    half_window = max(_MIN_HALF_WINDOW, round((smooth_s or _HALF_WINDOW_S) / obs.step_s))
+    half_window = motion_half_window(obs, smooth_s)
     fit = smooth_motion if smooth_s else local_motion
     V, A = np.zeros((2, *X.shape))
     for rows in person_rows_of(obs):
@@ -157,6 +157,11 @@ def estimate_motion(
         per_step, per_step2 = fit(path, there, half_window=half_window)
         V[rows], A[rows] = per_step[time_bins] / obs.step_s, per_step2[time_bins] / obs.step_s**2
     return V, A
+
+
+def motion_half_window(obs: Observations, smooth_s: float = 0.0) -> int:
+    """Time bins to either side that `estimate_motion` fits."""
+    return max(_MIN_HALF_WINDOW, round((smooth_s or _HALF_WINDOW_S) / obs.step_s))
 
 
 def person_rows_of(obs: Observations) -> Iterator[slice]:

@@ -54,18 +54,41 @@ def smooth_motion(
     return _fitted(X, present, half_window, order=_GAPPY_ORDER, gappy_half_window=half_window)
 
 
+def removed_energy(half_window: int, smooth_half_window: int) -> tuple[float, float]:
+    """Energy of white noise that `smooth_motion` removes from what `local_motion` leaves of it.
+
+    Returns
+    -------
+    (float, float)
+        Variances of the differences of velocity and acceleration, per squared sample and its
+        square, for noise of unit variance where no sample is missing.
+    """
+    longest = max(half_window, smooth_half_window)
+    local, smooth = (
+        np.pad(_kernels(half, order), ((0, 0), (longest - half, longest - half)))
+        for half, order in ((half_window, _ORDER), (smooth_half_window, _GAPPY_ORDER))
+    )
+    velocity, acceleration = ((local - smooth) ** 2).sum(-1)
+    return float(velocity), float(acceleration)
+
+
+def _kernels(half_window: int, order: int) -> Float64Array:
+    """Kernels (2, W) of velocity and acceleration by a local fit."""
+    window = np.arange(-half_window, half_window + 1)
+    fit = np.linalg.pinv(window[:, None].astype(float) ** np.arange(order + 1))
+    return np.asarray(fit[1:3] * [[1.0], [2.0]])
+
+
 def _fitted(
     X: Float64Array, present: BoolArray, half_window: int, *, order: int, gappy_half_window: int
 ) -> tuple[Float64Array, Float64Array]:
-    window = np.arange(-half_window, half_window + 1)
-    kernels = np.linalg.pinv(window[:, None].astype(float) ** np.arange(order + 1))[1:3]
     filled = np.where(present[..., None], X, 0.0)
     velocity, acceleration = (
         correlate1d(filled, kernel, axis=0, mode="constant")
-        for kernel in (kernels[0], 2.0 * kernels[1])
+        for kernel in _kernels(half_window, order)
     )
     there = present.astype(np.uint8)
-    gappy = minimum_filter1d(there, len(window), axis=0, mode="constant") == 0
+    gappy = minimum_filter1d(there, 2 * half_window + 1, axis=0, mode="constant") == 0
     if gappy.any():
         velocity[gappy], acceleration[gappy] = _cubics(filled, present, gappy, gappy_half_window)
     return velocity, acceleration

@@ -33,7 +33,7 @@ from stcalib_ros.core.integration.limits import (
     TOLERANCE_FACTOR,
     USUAL_BODY_DISTANCE,
 )
-from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, time_span
 from stcalib_ros.core.model.rig import Rig
 
@@ -78,14 +78,18 @@ class Association:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Samples:
-    """Tracks of one camera at the sampling times; bodies are in the frame of the rig."""
+class _Pieces:
+    """Tracks of one camera in one slot, those that are seen in it; bodies in the rig's frame.
 
-    x: Float64Array  # (P, S, K, J, 3)
-    focal: Float64Array  # (P, S, K, J)
-    body: Float64Array  # (P, S, K, 3)
-    depth: Float64Array  # (P, S, K)
-    present: BoolArray  # (P, S, K)
+    However many tracks there are in a recording, few are in a slot.
+    """
+
+    track: IntArray  # (n,)
+    x: Float64Array  # (n, K, J, 3)
+    focal: Float64Array  # (n, K, J)
+    body: Float64Array  # (n, K, 3)
+    depth: Float64Array  # (n, K)
+    present: BoolArray  # (n, K)
 
 
 def associate(
@@ -114,13 +118,14 @@ def associate(
     slots = np.arange(0, n_slots, every)
     times = start + slot_s * (slots[:, None] + fractions)
     samples = [_sample(camera, rig, i, times) for i, camera in enumerate(members)]
-    distance = _distances(samples, rig)
+    in_slot = list(zip(*samples, strict=True))
+    distance = [_distances(pieces, rig) for pieces in in_slot]
     tolerance = _tolerance(distance, floor_px)
-    chain = Chain([len(s.x) for s in samples], len(slots))
-    for s in range(len(slots)):
-        chain.add(s, _agglomerate(samples, distance, s, tolerance))
+    chain = Chain([len(m.tracks) for m in members], len(slots))
+    for s, (pieces, of_pair) in enumerate(zip(in_slot, distance, strict=True)):
+        chain.add(s, _agglomerate(pieces, of_pair, tolerance))
     typical = tolerance / TOLERANCE_FACTOR
-    margins = _margins(chain.person_of, distance, chain.n_persons)
+    margins = _margins(chain, in_slot, distance)
     person_of = tuple(_in_slots(known, slots, n_slots) for known in chain.person_of)
     return Association(person_of, start, slot_s, chain.n_persons, typical, margins)
 
@@ -132,46 +137,71 @@ def _in_slots(known: IntArray, slots: IntArray, n_slots: int) -> IntArray:
     return person_of
 
 
-def _sample(camera: LiftedCamera, rig: Rig, i: int, times: Float64Array) -> _Samples:
-    P, (S, K) = len(camera.tracks), times.shape
-    J = camera.tracks[0].x.shape[1] if P else 0
-    x = np.full((P, S, K, J, 3), np.nan)
-    focal = np.full((P, S, K, J), np.nan)
-    body = np.full((P, S, K, 3), np.nan)
-    depth = np.full((P, S, K), np.nan)
-    local = times.ravel() - rig.offset_s[i]
+def _sample(camera: LiftedCamera, rig: Rig, i: int, times: Float64Array) -> list[_Pieces]:
+    """Return the pieces of a camera in every slot, at times (S, K) of the reference clock."""
+    local = times - rig.offset_s[i]
     period = frame_period(camera.stamps)
+    parts: list[list[tuple[int, FloatArray, FloatArray, FloatArray]]] = [[] for _ in times]
     for p, track in enumerate(camera.tracks):
         stamps = camera.stamps[track.frames]
-        at = Interpolation(stamps, local, period=period)
+        first = int(np.searchsorted(local[:, -1], stamps[0] - period))
+        end = int(np.searchsorted(local[:, 0], stamps[-1] + period))
+        if end <= first:
+            continue
+        at = Interpolation(stamps, local[first:end].ravel(), period=period)
+        shape = (end - first, times.shape[1])
         seen = bridged(track.x, stamps, longest_s=LONGEST_BRIDGE_S)
-        x[p, ..., :2] = at(seen).reshape(S, K, J, 2)
         focals = bridged(track.focal[..., None], stamps, longest_s=LONGEST_BRIDGE_S)
-        focal[p] = at(focals[..., 0]).reshape(S, K, J)
-        root = at(track.root_cam)
-        depth[p] = root[:, 2].reshape(S, K)
-        body[p] = (root @ rig.R_ref_cam[i].T + rig.t_ref_cam[i]).reshape(S, K, 3)
-    x[..., 2] = np.where(np.isfinite(x[..., 0]), 1.0, np.nan)
-    return _Samples(x, focal, body, depth, np.isfinite(x[..., 0]).any(-1))
+        x = at(seen).reshape(*shape, -1, 2)
+        focal = at(focals[..., 0]).reshape(*shape, -1)
+        root = at(track.root_cam).reshape(*shape, 3)
+        for k in np.flatnonzero(np.isfinite(x[..., 0]).any((1, 2))).tolist():
+            parts[first + k].append((p, x[k], focal[k], root[k]))
+    J = camera.tracks[0].x.shape[1] if camera.tracks else 0
+    return [_pieces(part, (times.shape[1], J), rig, i) for part in parts]
+
+
+def _pieces(
+    parts: Sequence[tuple[int, FloatArray, FloatArray, FloatArray]],
+    shape: tuple[int, int],
+    rig: Rig,
+    i: int,
+) -> _Pieces:
+    """Return pieces (track, keypoints, focal lengths, bodies) of one slot together."""
+    n, (K, J) = len(parts), shape
+    x, focal, root = np.ones((n, K, J, 3)), np.empty((n, K, J)), np.empty((n, K, 3))
+    for k, (_, points, focals, bodies) in enumerate(parts):
+        x[k, ..., :2], focal[k], root[k] = points, focals, bodies
+    known = np.isfinite(x[..., 0])
+    x[..., 2] = np.where(known, 1.0, np.nan)
+    body = (root.reshape(-1, 3) @ rig.R_ref_cam[i].T + rig.t_ref_cam[i]).reshape(n, K, 3)
+    track = np.array([part[0] for part in parts], dtype=np.int64)
+    present: BoolArray = np.asarray(known.any(-1))
+    return _Pieces(track, x, focal, body, root[..., 2], present)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Distance:
-    """Epipolar distance (px) and distance of the bodies of all pieces of two cameras.
+    """Epipolar distance (px) and distance of the bodies of all pieces of two cameras in a slot.
 
     The latter over the largest at which they may be one; zero where it is not known.
     """
 
-    epipolar: Float64Array  # (P, Q, S)
-    body: Float64Array  # (P, Q, S)
+    epipolar: Float64Array  # (n, m)
+    body: Float64Array  # (n, m)
 
 
-def _distances(samples: Sequence[_Samples], rig: Rig) -> dict[tuple[int, int], _Distance]:
-    C = len(samples)
+_Distances = dict[tuple[int, int], _Distance]
+"""By pair of cameras."""
+
+
+def _distances(pieces: Sequence[_Pieces], rig: Rig) -> _Distances:
+    C = len(pieces)
     return {
-        (a, b): _distance(samples[a], samples[b], *_relative(rig, a, b))
+        (a, b): _distance(pieces[a], pieces[b], *_relative(rig, a, b))
         for a in range(C)
         for b in range(a + 1, C)
+        if len(pieces[a].track) and len(pieces[b].track)
     }
 
 
@@ -180,35 +210,25 @@ def _relative(rig: Rig, a: int, b: int) -> tuple[Float64Array, Float64Array]:
     return R_a.T @ rig.R_ref_cam[b], R_a.T @ (rig.t_ref_cam[b] - rig.t_ref_cam[a])
 
 
-def _distance(a: _Samples, b: _Samples, R_a_b: Float64Array, t_a_b: Float64Array) -> _Distance:
+def _distance(a: _Pieces, b: _Pieces, R_a_b: Float64Array, t_a_b: Float64Array) -> _Distance:
     E = hat(t_a_b / max(float(np.linalg.norm(t_a_b)), 1e-9)) @ R_a_b
-    P, Q, S = len(a.x), len(b.x), a.x.shape[1]
-    epipolar, body = np.full((P, Q, S), np.inf), np.full((P, Q, S), np.inf)
-    for s in range(S):
-        here = np.flatnonzero(a.present[:, s].any(-1))[:, None]
-        there = np.flatnonzero(b.present[:, s].any(-1))[None]
-        if not here.size or not there.size:
-            continue
-        x_a, x_b = (
-            one.x[who, s].reshape(*who.shape, -1, 3) for one, who in ((a, here), (b, there))
-        )
-        focal = np.sqrt(
-            a.focal[here, s].reshape(*here.shape, -1) * b.focal[there, s].reshape(*there.shape, -1)
-        )
-        errors = np.abs(sampson(E, x_a, x_b)) * focal
-        epipolar[here, there, s] = median_of_known(errors, least=MIN_SHARED_KEYPOINTS)
-        gap = np.linalg.norm(a.body[here, s] - b.body[there, s], axis=-1)
-        reach = MAX_DEPTH_ERROR * (a.depth[here, s] + b.depth[there, s])
-        body[here, there, s] = median_of_known(gap / reach, otherwise=0.0)
+    n, m = len(a.track), len(b.track)
+    epipolar, body = np.empty((n, m)), np.empty((n, m))
+    x_b, focal_b = b.x.reshape(m, -1, 3), b.focal.reshape(m, -1)
+    for i in range(n):
+        focal = np.sqrt(a.focal[i].ravel() * focal_b)
+        errors = np.abs(sampson(E, a.x[i].reshape(1, -1, 3), x_b)) * focal
+        epipolar[i] = median_of_known(errors, least=MIN_SHARED_KEYPOINTS)
+        gap = np.linalg.norm(a.body[i] - b.body, axis=-1)
+        reach = MAX_DEPTH_ERROR * (a.depth[i] + b.depth)
+        body[i] = median_of_known(gap / reach, otherwise=0.0)
     return _Distance(epipolar, body)
 
 
-def _tolerance(distance: dict[tuple[int, int], _Distance], floor_px: float) -> float:
+def _tolerance(distance: Sequence[_Distances], floor_px: float) -> float:
     """Three times the usual distance of mutually nearest pieces, but at least the floor."""
     nearest = []
-    for d in distance.values():
-        if not d.epipolar.size:
-            continue
+    for d in (d for of_pair in distance for d in of_pair.values()):
         gated = np.where(d.body < USUAL_BODY_DISTANCE, d.epipolar, np.inf)
         mutual = (gated <= gated.min(0, keepdims=True)) & (gated <= gated.min(1, keepdims=True))
         nearest.append(gated[mutual & np.isfinite(gated)])
@@ -218,38 +238,32 @@ def _tolerance(distance: dict[tuple[int, int], _Distance], floor_px: float) -> f
 
 
 def _margins(
-    person_of: Sequence[IntArray], distance: dict[tuple[int, int], _Distance], n_persons: int
+    chain: Chain, in_slot: Sequence[Sequence[_Pieces]], distance: Sequence[_Distances]
 ) -> dict[int, float]:
     """Median distance to the nearest other person over the median distance within persons."""
-    own: list[list[Float64Array]] = [[] for _ in range(n_persons)]
-    other: list[list[Float64Array]] = [[] for _ in range(n_persons)]
-    for (a, b), d in distance.items():
-        here, there = person_of[a][:, None], person_of[b][None]
-        known = (here >= 0) & (there >= 0)
-        same = known & (here == there)
-        rival = np.where(known & ~same, d.epipolar, np.inf).min(1, initial=np.inf)
-        for person in np.unique(person_of[a]):
-            if person >= 0 and (mine := same & (here == person)).any():
-                own[person].append(d.epipolar[mine])
-                other[person].append(rival[mine.any(1)])
+    own: dict[int, list[float]] = {}
+    other: dict[int, list[float]] = {}
+    for s, (pieces, of_pair) in enumerate(zip(in_slot, distance, strict=True)):
+        person = [of[one.track, s] for of, one in zip(chain.person_of, pieces, strict=True)]
+        for (a, b), d in of_pair.items():
+            here, there = person[a][:, None], person[b][None]
+            known = (here >= 0) & (there >= 0)
+            same = known & (here == there)
+            rival = np.where(known & ~same, d.epipolar, np.inf).min(1)
+            for i, j in np.argwhere(same).tolist():
+                own.setdefault(int(here[i, 0]), []).append(float(d.epipolar[i, j]))
+            for i in np.flatnonzero(same.any(1)).tolist():
+                other.setdefault(int(here[i, 0]), []).append(float(rival[i]))
     return {
-        person: float(np.median(np.concatenate(other[person])))
-        / max(float(np.median(np.concatenate(own[person]))), 1e-6)
-        for person in range(n_persons)
-        if own[person]
+        p: float(np.median(other[p])) / max(float(np.median(own[p])), 1e-6) for p in sorted(own)
     }
 
 
 def _agglomerate(
-    samples: Sequence[_Samples],
-    distance: dict[tuple[int, int], _Distance],
-    s: int,
-    tolerance: float,
+    in_slot: Sequence[_Pieces], distance: _Distances, tolerance: float
 ) -> list[list[tuple[int, int]]]:
     """Average-link clusters of the pieces (camera, track) of one slot."""
-    pieces = [
-        (c, p) for c, one in enumerate(samples) for p in np.flatnonzero(one.present[:, s].any(-1))
-    ]
+    pieces = [(c, p) for c, one in enumerate(in_slot) for p in range(len(one.track))]
     n = len(pieces)
     cost, known = np.zeros((n, n)), np.zeros((n, n))
     exclusive = np.eye(n, dtype=bool)
@@ -257,16 +271,16 @@ def _agglomerate(
         for j in range(i + 1, n):
             b, q = pieces[j]
             if a == b:
-                together = samples[a].present[p, s] & samples[a].present[q, s]
+                together = in_slot[a].present[p] & in_slot[a].present[q]
                 exclusive[i, j] = exclusive[j, i] = together.any()
                 continue
             d = distance[a, b]
-            value = d.epipolar[p, q, s] / tolerance + BODY_WEIGHT * d.body[p, q, s] ** 2
+            value = d.epipolar[p, q] / tolerance + BODY_WEIGHT * d.body[p, q] ** 2
             if np.isfinite(value):
                 cost[i, j] = cost[j, i] = min(float(value), MAX_COST)
                 known[i, j] = known[j, i] = 1.0
     groups = _average_link(cost, known, exclusive)
-    return [[(pieces[i][0], int(pieces[i][1])) for i in group] for group in groups]
+    return [[(c, int(in_slot[c].track[p])) for c, p in (pieces[i] for i in g)] for g in groups]
 
 
 def _average_link(cost: Float64Array, known: Float64Array, exclusive: BoolArray) -> list[list[int]]:

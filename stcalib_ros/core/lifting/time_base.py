@@ -240,4 +240,5 @@ def _only(camera: CameraRecording, used: BoolArray) -> CameraRecording:
                     scores=track.scores[rows],
                 )
             )
-    return replace(camera, stamps=camera.stamps[used], tracks=tuple(tracks))
+    received = None if camera.received is None else camera.received[used]
+    return replace(camera, stamps=camera.stamps[used], tracks=tuple(tracks), received=received)

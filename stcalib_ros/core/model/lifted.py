@@ -66,6 +66,8 @@ class LiftedCamera:
         Seconds by its own clock; of the middle row of its shutter.
     tracks : tuple of LiftedTrack
     shutter : Shutter
+    received : (N,) ndarray or None
+        Time at which a recorder received each image, as in `CameraRecording`.
     intrinsics : Intrinsics, optional
         Lens by which its keypoints were undistorted.
     """
@@ -74,6 +76,7 @@ class LiftedCamera:
     stamps: Float64Array
     tracks: tuple[LiftedTrack, ...]
     shutter: Shutter = GLOBAL
+    received: Float64Array | None = None
     intrinsics: Intrinsics | None = None
 
 

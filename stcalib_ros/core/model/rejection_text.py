@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
+from stcalib_ros.core.model.remark_text import ADDITIONS, REMARKS
 
 _R = RejectionReason
 _SENTENCES = {
@@ -47,6 +48,14 @@ _SENTENCES = {
     _R.KEYPOINTS_COINCIDE: (
         "all keypoints of each person are at one place, within {measured:.2g} px: check the pose "
         "estimator's output"
+    ),
+    _R.SCORES_BELOW_LIMIT: (
+        "no joint has a score above {limit:g} (min_score), the largest is {measured:.2g}: scores "
+        "of 0..1 are expected; are these logits? Scale them, or lower min_score"
+    ),
+    _R.STREAM_FROZEN: (
+        "its picture stands still: in {measured:.0%} of its images everybody is as in the image "
+        "before, to the last bit, {limit:.0%} are the limit; check its driver or decoder"
     ),
     _R.IDS_ARE_NO_TRACKS: (
         "its track ids are no tracks, and its poses cannot be linked by their places: "
@@ -116,14 +125,20 @@ _SENTENCES = {
     _R.CLOCK_NOT_STEADY: (
         "its clock is not steady: from {begin_s:.1f} to {end_s:.1f} s after its first image, its "
         "stamps are {measured_ms:.0f} ms off what they are else, {limit_ms:.0f} are the limit"
-        "{or_others}; clocks that are set while they record do that, and images that are lost and "
-        "numbered as if they were not: give the times of acquisition, or use a part of the "
-        "recording"
+        "{and_received}{or_others}; clocks that are set while they record do that, and images that "
+        "are lost and numbered as if they were not: give the times of acquisition, or use a part "
+        "of the recording"
     ),
     _R.POSE_CHANGED: (
         "it has moved: from {begin_s:.1f} to {end_s:.1f} s after its first image, it is turned by "
         "{measured_deg:.1f} degrees against what it is else, {limit_deg:.1f} are the limit"
         "{or_others}; fasten it, or use the part of the recording before or after"
+    ),
+    _R.PART_DISAGREES: (
+        "from {begin_s:.1f} to {end_s:.1f} s after its first image, what it sees is {measured:.0f} "
+        "px off from what the others see of the same people, {limit:.0f} are the limit, though it "
+        "fits else{or_others}: it was moved, or its clock was set by more than can be followed; "
+        "use the part of the recording before or after"
     ),
     _R.TOO_FEW_INLIERS: (
         "only {measured:.0f} of its keypoints fit, {limit:.0f} are needed: have people walk where "
@@ -193,6 +208,11 @@ _SENTENCES = {
         "to {frames:.1f} frames ({measured:.2f} s): motion is periodic, people move "
         "identically, or the true offset is outside of offset_range_s (+-{offset_range_s:g} s); "
         "set that to what is possible, or record more varied motion"
+    ),
+    _R.LARGE_RESIDUALS: (
+        "reprojection errors are {measured:.1f} px (root mean square), {limit:.1f} are the limit "
+        "where half of them are below {median_px:.1f} px: in a part of the recording something "
+        "does not fit; check for clocks that are set and cameras that move while they record"
     ),
     _R.NOT_CONVERGED: (
         "the adjustment has not converged, {measured:.0f} cameras still moved in the last "
@@ -316,11 +336,18 @@ def sentence(rejection: Rejection) -> str:
             limit_deg=math.degrees(rejection.limit),
             measured_ms=1e3 * rejection.measured,
             limit_ms=1e3 * rejection.limit,
+            and_received=_as_received(rejection),
             or_others=f" (or it is {others})" if others else "",
             others=others,
             detail=rejection.detail,
         )
     )
+
+
+def _as_received(rejection: Rejection) -> str:
+    """What times of receipt say to it, where they say something."""
+    off_s = rejection.values.get("received_s", math.nan)
+    return "" if math.isnan(off_s) else f", and {1e3 * off_s:.0f} ms off when they were received"
 
 
 def labelled(rejection: Rejection) -> str:
@@ -338,8 +365,8 @@ def camera_sentence(name: str, rejection: Rejection) -> str:
 def remark_sentence(remark: Remark) -> str:
     """Return the sentence of a remark."""
     camera, partner = (*remark.cameras, "", "")[:2]
-    ends = [end for name, end in _ADDITIONS.items() if name in remark.values]
-    text = "".join([_REMARKS[remark.code], *ends])
+    ends = [end for name, end in ADDITIONS.items() if name in remark.values]
+    text = "".join([REMARKS[remark.code], *ends])
     names = {
         "camera": camera,
         "partner": partner,

@@ -193,18 +193,27 @@ def _verdict(spans: Sequence[Span], before: Verdict, thresholds: Thresholds) -> 
     measured = replace(
         before, residual_px=RMS_OVER_MEDIAN * last.fit.before_px, expected_px=last.expected_px
     )
-    run = _run(own, lambda f: _suspicious(f, thresholds))
+    clear = [(span, f) for span, f in own if explains(f.fit, f.expected_px)]
+    run = _run(clear, lambda f: _suspicious(f, thresholds))
     changed = _changed(run[-RECENT_SPANS:], measured, thresholds)
     found = changed or _gone(own, measured, thresholds) or _confirmed(own, measured, thresholds)
     return found if found.state.alarm else _with_clock(found, *own[-1])
 
 
 def _with_clock(verdict: Verdict, span: Span, f: Finding) -> Verdict:
-    """Add what the last span says about the clock to the history, once."""
+    """Add what the last span says about the clock to the history, once.
+
+    Of two cameras that with the larger gain speaks for both: the other one was fitted with this
+    one corrected.
+    """
     known = f.fit.n_points and explains(f.fit, f.expected_px)
     if not known or verdict.clock.last_s == span.end_s:
         return verdict
-    return replace(verdict, clock=verdict.clock.after(span.end_s, -float(f.fit.change[CLOCK])))
+    advance_s = -float(f.fit.change[CLOCK])
+    if len(span.findings) == 2:
+        (other,) = (found for name, found in span.findings.items() if name != verdict.name)
+        advance_s = float(other.fit.change[CLOCK]) if other.fit.gain > f.fit.gain else advance_s
+    return replace(verdict, clock=verdict.clock.after(span.end_s, advance_s))
 
 
 def _gone(own: _Own, measured: Verdict, thresholds: Thresholds) -> Verdict | None:

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 from stcalib_ros.core.monitoring.limits import (
     DRIFT_MEMORY_S,
-    DRIFT_WEIGHT,
     MIN_DRIFT_FRACTION,
+    MIN_GAP_S,
+    RECENT_SPANS,
 )
 
 
@@ -24,27 +25,40 @@ class ClockHistory:
     ----------
     last_s : float
         End of the last of them, seconds since the Unix epoch; NaN without any.
-    advance_s : float
-        How far the stamps were ahead, by the latest of them.
+    recent : tuple of (float, float)
+        The last of them, up to `limits.RECENT_SPANS`, by which a jump may be confirmed: their ends
+        and how far the stamps were ahead.
+    settled_s, settled_advance_s : float
+        How far the stamps were ahead before these, a mean of the latest, and when.
     gap_s, gap_end_s : float
         Last long time without a span, and the end of the span after it; 0 and NaN without one.
     """
 
     last_s: float = math.nan
-    advance_s: float = 0.0
+    recent: tuple[tuple[float, float], ...] = ()
+    settled_s: float = math.nan
+    settled_advance_s: float = 0.0
     gap_s: float = 0.0
     gap_end_s: float = math.nan
 
     def after(self, time_s: float, advance_s: float) -> ClockHistory:
         """Return the history with one more span, by which the stamps are that far ahead."""
-        advance_s = self.advance_s + DRIFT_WEIGHT * (advance_s - self.advance_s)
-        if not (gap_s := time_s - self.last_s) > DRIFT_MEMORY_S:
-            return replace(self, last_s=time_s, advance_s=advance_s)
-        return ClockHistory(time_s, advance_s, gap_s, time_s)
+        known = replace(self, last_s=time_s, recent=(*self.recent, (time_s, advance_s)))
+        if (gap_s := time_s - self.last_s) > MIN_GAP_S:
+            known = replace(known, gap_s=gap_s, gap_end_s=time_s)
+        return known._settled() if len(known.recent) > RECENT_SPANS else known
+
+    def _settled(self) -> ClockHistory:
+        """Add the oldest of the recent spans to the mean, by the time since the one before."""
+        (time_s, advance_s), *recent = self.recent
+        since_s = max(time_s - self.settled_s, 0.0)
+        weight = 1.0 if math.isnan(self.settled_s) else -math.expm1(-since_s / DRIFT_MEMORY_S)
+        mean_s = self.settled_advance_s + weight * (advance_s - self.settled_advance_s)
+        return replace(self, recent=tuple(recent), settled_s=time_s, settled_advance_s=mean_s)
 
     def drifted(self, advance_s: float) -> bool:
         """Whether an advance that raises an alarm had come about before it, little by little."""
-        return self.advance_s / advance_s >= MIN_DRIFT_FRACTION
+        return self.settled_advance_s / advance_s >= MIN_DRIFT_FRACTION
 
     def unknown_s(self, end_s: float) -> float:
         """Return for how long nothing was known before a span with that end; 0 if not long."""

@@ -161,7 +161,7 @@ def _thinned(camera: CameraRecording) -> CameraRecording:
                 scores=track.scores[rows],
             )
         )
-    return replace(camera, stamps=camera.stamps[::stride], tracks=tuple(tracks))
+    return replace(camera, stamps=camera.stamps[::stride], tracks=tuple(tracks), received=None)
 
 
 def _on_reference_clock(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from stcalib_ros.core.bundle.covariance import JointCovariance, information, publication
 from stcalib_ros.core.bundle.iteration import Iteration
-from stcalib_ros.core.bundle.offset_debiasing import debias_offsets, debiased
+from stcalib_ros.core.bundle.levenberg_marquardt import Motion
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.lifted import LiftedCamera
@@ -18,6 +18,7 @@ from stcalib_ros.core.refinement.keypoint_bias.stage import UnbiasedRound, refin
 from stcalib_ros.core.refinement.line_delay import line_delays, middle_rows
 from stcalib_ros.core.refinement.spline_trajectories import with_splines
 from stcalib_ros.core.refinement.timestamp_jitter import added_covariance, with_timestamp_errors
+from stcalib_ros.core.refinement.velocity_noise import compensated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +52,8 @@ def refine(
        corrected. Before the timestamps: jitter would explain a part of the biases.
     3. Timestamps that jitter are corrected image by image.
     4. Everything of 1. once more with corrected keypoints and timestamps.
-    5. Offsets are compensated for noise in the velocities.
+    5. Offsets are compensated for noise in the velocities; where depths are hardly known, the
+       velocities along them are smoothed.
     6. Irregularly sampled images: joints become smooth trajectories, whose velocities need no 5.
 
     Parameters
@@ -77,19 +79,11 @@ def refine(
     last = with_timestamp_errors(cameras, iterations[-1], options, joint.layout)
     if last is not joint.iteration:
         joint = adjust_jointly(members, last, options, estimate_line_delays=estimate_line_delays)
-    last = with_splines(cameras, _compensated(joint, options), options)
-    covariance = _covariance(members, last, joint, unbiased, layout)
+    last, motion = compensated(joint.iteration, joint.layout, options)
+    last = with_splines(cameras, last, options)
+    covariance = _covariance(members, last, joint, unbiased, layout, motion)
     last = _with_records(members, last, joint, covariance.matrix)
     return Refinement((*iterations[:-1], last), covariance)
-
-
-def _compensated(joint: JointAdjustment, options: BundleOptions) -> Iteration:
-    """The round with offsets compensated for noise in the velocities."""
-    last, obs = joint.iteration, joint.iteration.observations
-    state = debias_offsets(obs, last.state, iterations=options.max_iterations)
-    if state is last.state:
-        state = debiased(obs, state)
-    return last.with_state(obs, state)
 
 
 def _covariance(
@@ -98,10 +92,12 @@ def _covariance(
     joint: JointAdjustment,
     unbiased: UnbiasedRound | None,
     layout: Layout,
+    motion: Motion,
 ) -> JointCovariance:
     """Covariance of everything that was estimated."""
     unknowns = joint.layout
-    P = information(last.observations, last.state, unknowns).covariance(unknowns)
+    known = information(last.observations, last.state, unknowns, motion=motion)
+    P = known.covariance(unknowns)
     P = P + added_covariance(last.timestamp_errors, unknowns)
     eliminated = {}
     if unbiased is not None:

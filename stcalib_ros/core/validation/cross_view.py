@@ -29,8 +29,12 @@ pair, which is reported and decides nothing."""
 def matches_of(last: Iteration, a: int, b: int) -> tuple[tuple[int, int], ...]:
     """Return the tracks of two cameras (positions in the rig) that are one person at some time."""
     person_a, person_b = last.association.person_of[a], last.association.person_of[b]
-    same = (person_a[:, None] == person_b[None]) & (person_a[:, None] >= 0)
-    return tuple((int(p), int(q)) for p, q in np.argwhere(same.any(-1)))
+    found: set[tuple[int, int]] = set()
+    for here, there in zip(person_a.T, person_b.T, strict=True):
+        known_a, known_b = np.flatnonzero(here >= 0), np.flatnonzero(there >= 0)
+        same = np.argwhere(here[known_a, None] == there[known_b])
+        found.update(zip(known_a[same[:, 0]].tolist(), known_b[same[:, 1]].tolist(), strict=True))
+    return tuple(sorted(found))
 
 
 def bone_rotations(

@@ -91,20 +91,16 @@ def repetition_ratios(
 def _images(last: Iteration, max_shift: int) -> list[_Images]:
     """Images of every camera, with the rows of the same persons at all other offsets."""
     obs = last.observations
-    _, person = np.unique(obs.person, return_inverse=True)
-    n_bins = int(obs.time_bin.max(initial=0)) + 1
     shortest, longest = (round(period_s / obs.step_s) for period_s in PERIOD_RANGE_S)
     max_shift = min(max_shift, longest)
     far = np.arange(max(shortest, MIN_OFFSET_DIFFERENCE_FRAMES), max_shift + 1)
-    row_at = np.full((int(person.max(initial=-1)) + 1, n_bins + 2 * max_shift), -1, dtype=np.int64)
-    row_at[person, obs.time_bin + max_shift] = np.arange(len(person))
     shifts = np.concatenate([-far[::-1], far])
     found = []
     for c in range(len(last.rig.cameras)):
         rows = np.flatnonzero(obs.track[:, c] >= 0)
         rows = rows[:: 1 + (len(rows) - 1) // _MAX_ROWS]
-        bins = obs.time_bin[rows] + max_shift + shifts[:, None]
-        found.append(_Images(c, rows, row_at[person[rows], bins], shifts))
+        bins = obs.time_bin[rows] + shifts[:, None]
+        found.append(_Images(c, rows, obs.rows_of(obs.person[rows], bins), shifts))
     return found
 
 

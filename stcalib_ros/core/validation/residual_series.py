@@ -26,6 +26,12 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.validation.continued_tracks import with_tracks_continued
+from stcalib_ros.core.validation.thresholds import (
+    MAX_FIT_PX,
+    MAX_FIT_RATIO,
+    UNEXPLAINED_PX,
+    UNEXPLAINED_RATIO,
+)
 
 ROTATION, CLOCK = slice(0, 3), slice(3, 4)
 """Positions of the parameters of a change: rotation vector (rad), correction of the clock (s)."""
@@ -37,6 +43,10 @@ _WINDOW_S, _N_WINDOWS = (0.5, 1.0), 10
 """Seconds, and count. Windows are a tenth of a clip, within these lengths: a second is about one
 step of a walking person, so that a clock shows; half a second has some of it. Chosen."""
 
+_MAX_WINDOWS = 120
+"""Count. Windows of recordings of more than two minutes are longer. Bounds cost and memory, which
+grow with the square of the number of windows."""
+
 _POINTS_PER_WINDOW = 250
 """Pairs of keypoints of a camera in a window, count; of more, a regular part is used. Cost alone:
 joints of one body share their errors."""
@@ -45,10 +55,9 @@ _LEAST_POINTS = 40
 """Pairs of keypoints, count, below which a window says nothing: two or three bodies at one moment.
 As in the monitoring of a calibration in force, where it was chosen."""
 
-_MAX_FIT_PX, _MAX_FIT_RATIO = 12.0, 2.0
-"""Pixels, and ratio to the median of all windows. A window whose change leaves a larger median
-residual says nothing: its persons are matched wrongly. Measured on simulated scenes: 40 px after an
-exchange of ids, up to 11 px where a clock jumps to and fro within a window."""
+_USUAL = 0.25
+"""Fraction. Quantile of the residuals of all windows that counts as the usual one: at most three
+quarters of a recording may not fit. Chosen."""
 
 _HALF_WINDOW_S = 0.2
 """Seconds. Half window of the cubics that image velocities are read from: as in the adjustment."""
@@ -81,11 +90,20 @@ class ChangeSeries:
     information : (K, 4, 4) ndarray
         Normal equations of the change, residuals in units of their scale: as if the errors of all
         keypoints were independent.
+    unexplained_s : (U,) ndarray
+        Middle of the windows whose residuals no small change explains.
+    unexplained_px : (U,) ndarray
+        Median residuals that are left there, px.
+    window_s : float
+        Length of a window.
     """
 
     time_s: Float64Array
     change: Float64Array
     information: Float64Array
+    unexplained_s: Float64Array
+    unexplained_px: Float64Array
+    window_s: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +154,7 @@ class ResidualSource:
         x = np.where(obs.observed[..., None], obs.x - late[..., None] * v, np.nan)
         times = obs.start_s + obs.time_bin * obs.step_s
         start, length = float(times.min()), float(np.ptp(times))
-        window_s = float(np.clip(length / _N_WINDOWS, *_WINDOW_S))
+        window_s = max(float(np.clip(length / _N_WINDOWS, *_WINDOW_S)), length / _MAX_WINDOWS)
         n = max(1, round(length / window_s))
         window = np.minimum(((times - start) / window_s).astype(np.int64), n - 1)
         focal, noise_px = obs.focal.astype(np.float64), max(_LEAST_SCALE_PX, last.median_px)
@@ -146,7 +164,7 @@ class ResidualSource:
         """Fit the change of camera c in all windows of time."""
         n = int(self.window.max(initial=-1)) + 1
         times = np.asarray(self.start_s + (np.arange(n) + 0.5) * self.window_s)
-        return _series(_KeypointPairs.of(self, c), times, self.noise_px)
+        return _series(_KeypointPairs.of(self, c), times, self.window_s, self.noise_px)
 
     def corrected(self, c: int, series: ChangeSeries) -> ResidualSource:
         """The same with the change of camera c undone in all windows of a series."""
@@ -247,7 +265,9 @@ def _pair(seen: ResidualSource, present: BoolArray, c: int, j: int) -> tuple[Any
     return x, v, normal, centres, np.tile(R, (M, 1, 1)), focal, seen.window[row]
 
 
-def _series(points: _KeypointPairs, times: Float64Array, noise_px: float) -> ChangeSeries:
+def _series(
+    points: _KeypointPairs, times: Float64Array, window_s: float, noise_px: float
+) -> ChangeSeries:
     """Fit the changes of all windows by robust Gauss-Newton."""
     K = len(times)
     edges = np.searchsorted(points.window, np.arange(K + 1))
@@ -261,9 +281,14 @@ def _series(points: _KeypointPairs, times: Float64Array, noise_px: float) -> Cha
         information = _sums(J[:, :, None] * (J * w[:, None])[:, None], edges)
         g = _sums(J * (w * r)[:, None], edges) + change @ prior
         change = change - np.linalg.solve(information + prior, g[..., None])[..., 0]
-    explained = typical <= np.maximum(_MAX_FIT_PX, _MAX_FIT_RATIO * np.median(typical))
-    known = explained & (np.diff(edges) >= _LEAST_POINTS)
-    return ChangeSeries(times[known], change[known], (information + prior)[known])
+    enough = np.diff(edges) >= _LEAST_POINTS
+    usual = float(np.quantile(typical[enough], _USUAL)) if enough.any() else 0.0
+    known = enough & (typical <= max(MAX_FIT_PX, MAX_FIT_RATIO * usual))
+    lost = enough & (typical > max(UNEXPLAINED_PX, UNEXPLAINED_RATIO * usual))
+    return ChangeSeries(
+        *(times[known], change[known], (information + prior)[known]),
+        *(times[lost], typical[lost], window_s),
+    )
 
 
 def _medians(values: Float64Array, edges: IntArray) -> Float64Array:

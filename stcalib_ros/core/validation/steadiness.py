@@ -7,7 +7,7 @@ the time: the rest counts as outliers, and the result looks good. Its residuals 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.validation.block_contrast import Contrast, largest_contrast
+from stcalib_ros.core.validation.receipt_times import stamp_jumps
 from stcalib_ros.core.validation.residual_series import (
     CLOCK,
     ROTATION,
@@ -22,12 +23,15 @@ from stcalib_ros.core.validation.residual_series import (
     ResidualSource,
 )
 from stcalib_ros.core.validation.thresholds import (
+    GAP_WINDOWS,
     LEAST_SCATTER,
     MAX_EVIDENCE_LEFT,
     MIN_CHANGE_SIGNIFICANCE,
     MIN_CLOCK_CHANGE_S,
     MIN_ROTATION_CHANGE,
     MIN_STEADINESS_WINDOWS,
+    MIN_UNEXPLAINED_WINDOWS,
+    UNEXPLAINED_PX,
 )
 
 
@@ -47,28 +51,19 @@ class _Change:
         significant = self.contrast.significance > MIN_CHANGE_SIGNIFICANCE
         return significant and self.contrast.size > self.limit
 
-    def rejection(
-        self, camera: LiftedCamera, offset_s: float, others: tuple[str, ...]
-    ) -> Rejection:
-        """What is wrong with a camera, whose time offset is given."""
-        begin_s, end_s = self._stretch()
-        first_s = float(camera.stamps[0]) + offset_s
+    def rejection(self) -> Rejection:
+        """What is wrong with the camera; times are those of the reference clock."""
+        times, half = self.series.time_s, 0.5 * self.series.window_s
+        begin, end = self.contrast.begin, self.contrast.end
+        if begin == 0:  # of two parts of the recording, the later one
+            begin, end = end, len(times)
         return Rejection(
             self.reason,
             measured=self.contrast.size,
             limit=self.limit,
             unit=self.unit,
-            others=others,
-            values={"begin_s": begin_s - first_s, "end_s": end_s - first_s},
+            values={"begin_s": float(times[begin]) - half, "end_s": float(times[end - 1]) + half},
         )
-
-    def _stretch(self) -> tuple[float, float]:
-        """Begin and end of what differs; of two parts of the recording, the later one."""
-        times, half = self.series.time_s, 0.5 * float(np.diff(self.series.time_s).min())
-        begin, end = self.contrast.begin, self.contrast.end
-        if begin == 0:
-            begin, end = end, len(times)
-        return float(times[begin]) - half, float(times[end - 1]) + half
 
 
 def unsteady_cameras(
@@ -90,11 +85,53 @@ def unsteady_cameras(
     series = [source.series(c) for c in range(len(members))]
     changes = {c: one for c, own in enumerate(series) if (one := _largest(own)) is not None}
     suspects = _suspects(source, series, changes)
+    jumps = stamp_jumps(members)
+    told = [c for c in suspects if c in jumps and jumps[c].sudden]
+    if len(suspects) == 2 and len(told) == 1:
+        suspects = told
     found: list[Rejection | None] = [None] * len(members)
-    for c in suspects:
-        others = tuple(members[other].name for other in suspects if other != c)
-        found[c] = changes[c].rejection(members[c], float(last.rig.offset_s[c]), others)
+    lost = {} if suspects else _lost(series)
+    for c in (*suspects, *lost):
+        others = tuple(members[other].name for other in (*suspects, *lost) if other != c)
+        why = changes[c].rejection() if c in changes else lost[c]
+        why = _since_first_image(why, members[c], float(last.rig.offset_s[c]))
+        if c in jumps and why.reason is RejectionReason.CLOCK_NOT_STEADY:
+            why = replace(why, values={**why.values, "received_s": jumps[c].size_s})
+        found[c] = replace(why, others=others)
     return tuple(found)
+
+
+def _since_first_image(one: Rejection, camera: LiftedCamera, offset_s: float) -> Rejection:
+    """The rejection of a camera of an offset, with times since its first image."""
+    first_s = float(camera.stamps[0]) + offset_s
+    return replace(one, values={name: time_s - first_s for name, time_s in one.values.items()})
+
+
+def _lost(series: Sequence[ChangeSeries]) -> dict[int, Rejection]:
+    """Return which camera no small change explains in a part of the recording: the worst one.
+
+    Of two cameras, nothing says which.
+    """
+    found = {c: one for c, own in enumerate(series) if (one := _longest_lost(own)) is not None}
+    worst = max((one.measured for one in found.values()), default=0.0)
+    return {c: one for c, one in found.items() if len(series) == 2 or one.measured == worst}
+
+
+def _longest_lost(series: ChangeSeries) -> Rejection | None:
+    """The longest stretch of windows that no small change explains; None if it is short."""
+    gaps = np.flatnonzero(np.diff(series.unexplained_s) > GAP_WINDOWS * series.window_s) + 1
+    runs = np.split(np.arange(len(series.unexplained_s)), gaps)
+    run = max(runs, key=len)
+    if len(run) < MIN_UNEXPLAINED_WINDOWS or len(series.time_s) < MIN_UNEXPLAINED_WINDOWS:
+        return None
+    times, half = series.unexplained_s[run], 0.5 * series.window_s
+    return Rejection(
+        RejectionReason.PART_DISAGREES,
+        measured=float(np.median(series.unexplained_px[run])),
+        limit=UNEXPLAINED_PX,
+        unit="px",
+        values={"begin_s": float(times[0]) - half, "end_s": float(times[-1]) + half},
+    )
 
 
 def _suspects(
@@ -138,9 +175,15 @@ def _changes(series: ChangeSeries) -> list[_Change]:
 
 
 def _contrast(series: ChangeSeries, part: slice) -> Contrast:
-    """The largest contrast of some parameters, whatever the others are."""
+    """The largest contrast of some parameters, whatever the others are.
+
+    A clock may be set and set again. A camera that is moved stays moved; that it seems to be turned
+    for a while is what keypoint bias does while people are at one side.
+    """
     covariance = np.linalg.inv(series.information)[:, part, part]
     known = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     return largest_contrast(
-        series.time_s, series.change[:, part], known, least_inflation=LEAST_SCATTER
+        *(series.time_s, series.change[:, part], known),
+        least_inflation=LEAST_SCATTER,
+        one_border=part == ROTATION,
     )

@@ -282,3 +282,41 @@ MAX_EVIDENCE_LEFT = 0.1
 """Ratio. The change of a camera explains the residuals of all if undoing it leaves less than this
 of the largest evidence for a change. Measured with three cameras: 0.001 to 0.02 where the right one
 is undone, 0.15 to 0.75 where another is."""
+
+MAX_FIT_PX, MAX_FIT_RATIO = 12.0, 2.0
+"""Pixels, and ratio to the usual residual of the camera. A window whose change leaves a larger
+median residual says nothing of pose and clock: its persons are matched wrongly. Measured on
+simulated scenes: 40 px after an exchange of ids, up to 11 px where a clock jumps to and fro within
+a window."""
+
+UNEXPLAINED_PX, UNEXPLAINED_RATIO = 5.0, 2.5
+"""Pixels, and ratio to the usual residual of the camera. A change that leaves a larger median
+residual does not explain a window. Measured: 26 to 37 px of clocks that are set by 0.5 s and of
+cameras that turn by 20 degrees, 2 to 3 px of steady ones."""
+
+MIN_UNEXPLAINED_WINDOWS = 3
+"""Windows, count, in a row, of a second or less. A camera has changed by more than can be followed
+if no small change explains so many. Measured on 80 simulated scenes with keypoint bias, occlusions
+and exchanges of ids, and on real recordings: at most one."""
+
+GAP_WINDOWS = 2.5
+"""Lengths of a window. Windows in a row are no further apart: one between may say nothing, as
+nobody is seen. Derived: the middle of the next but one is two lengths away."""
+
+MAX_RMS_RATIO, MAX_RMS_PX = 4.0, 8.0
+"""Ratio to the median reprojection error, and pixels. A solution with a larger root mean square
+error of the keypoints that count as fitting is refused: some of them do not fit. Measured: 1.3 to
+1.8 on good scenes, simulated and real, but 29 (with 2.8 px) where one of two people is computer
+generated and without error; 4 to 7 (7.5 to 16 px) of clocks that jump to and fro."""
+
+DELAY_STDDEV_S = 0.005
+"""Seconds. Usual difference between the least delays of messages of one second and of another.
+Chosen: drivers and networks of a house are within milliseconds."""
+
+MIN_DELAY_CHANGE_S = 0.02
+"""Seconds. Stamps that change by less against the times of receipt say nothing: a camera that is
+given other work delays its messages by that. Chosen; below one image at 30 Hz."""
+
+SUDDEN_FRACTION = 0.7
+"""Ratio. A change of the delay is sudden if so much of it happens within the three seconds around
+it. Derived: of a delay that grows evenly over ten seconds it is 0.6, and less over more."""

@@ -15,11 +15,13 @@ from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.validation.camera_checks import CameraChecks, rejection
 from stcalib_ros.core.validation.motion_ambiguity import find_ambiguity
+from stcalib_ros.core.validation.receipt_times import receipt_remarks
 from stcalib_ros.core.validation.recommendations import (
     recommend,
     unobservable_clock_skews,
     without_poses,
 )
+from stcalib_ros.core.validation.thresholds import MAX_RMS_PX, MAX_RMS_RATIO
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +105,8 @@ def judge(
     failed = [
         rejection(checks, camera=name) for name, checks in zip(names, solution.checks, strict=True)
     ]
-    against = [found for found in (solution.rival, *failed, misaligned) if found is not None]
+    whole = (_large_residuals(last), solution.rival)
+    against = [found for found in (*whole, *failed, misaligned) if found is not None]
     if against:
         explained = find_ambiguity(cameras, skeleton, last).rejections()
         return Judgement(Status.DEGENERATE, (*against, *explained))
@@ -115,6 +118,7 @@ def judge(
         *recommend(names, solution.checks, last),
         *unobservable_clock_skews(last),
         *without_poses(names, solution.checks),
+        *receipt_remarks([cameras[c] for c in last.rig.cameras]),
     )
     left_out = solution.exclusions.cameras
     explained = find_ambiguity(cameras, skeleton, last).rejections() if left_out else ()
@@ -124,6 +128,15 @@ def judge(
     if rivals and explained:  # what is ambiguous about the others may be so about these as well
         return Judgement(Status.DEGENERATE, (rivals[0], *explained))
     return Judgement(Status.OK, explained, remarks)
+
+
+def _large_residuals(last: Iteration) -> Rejection | None:
+    """Return that the residuals of what counts as fitting are far above the usual one."""
+    rms_px, limit = last.rms_px(), max(MAX_RMS_RATIO * last.median_px, MAX_RMS_PX)
+    if not rms_px > limit:
+        return None
+    values = {"median_px": last.median_px}
+    return Rejection(RejectionReason.LARGE_RESIDUALS, (), rms_px, limit, "px", values=values)
 
 
 def unsettled_cameras(iterations: Sequence[Iteration]) -> int:

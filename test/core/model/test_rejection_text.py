@@ -34,6 +34,11 @@ REJECTIONS = (
         ),
         "normalised: they lie between 0.02 and 1, .* 1280 x 720 .*; multiply those of 0..1 by",
     ),
+    (
+        Rejection(R.SCORES_BELOW_LIMIT, (), 0.12, 0.3),
+        r"above 0.3 \(min_score\), .* is 0.12: .*Scale",
+    ),
+    (Rejection(R.STREAM_FROZEN, (), 0.97, 0.9), "in 97% of its images .*, 90% are .*; check its"),
     (Rejection(R.IDS_ARE_NO_TRACKS, (), 0.33, 0.7), "33% of them go on .*, 70% .* tracking on"),
     (
         Rejection(R.STAMPS_IN_BUNCHES, (), 0.5, 0.25, values=BUNCHES),
@@ -104,6 +109,10 @@ REJECTIONS = (
         ),
         r"from 7.0 to 10.0 s .* by 5.0 degrees .*, 0.5 are the limit \(or it is b\); fasten it",
     ),
+    (
+        Rejection(R.PART_DISAGREES, (), 60.0, 12.0, "px", values={"begin_s": 7.0, "end_s": 10.0}),
+        "from 7.0 to 10.0 s .* is 60 px off .*, 12 are the limit, .* fits else: it was moved",
+    ),
     (Rejection(R.POSITION_UNCERTAIN, (), 0.2, 0.1), "by 20% of its distance .*, 10% are .*: let"),
     (
         Rejection(R.OFFSET_AMBIGUOUS, (), 1.05, 1.2, values={"alternative_s": 0.4}),
@@ -119,6 +128,10 @@ REJECTIONS = (
     (
         Rejection(R.RIVAL_SOLUTION, (), 0.5, values={"frames": 15.0, "offset_range_s": 2.0}),
         r"up to 15.0 frames \(0.50 s\): .* outside of offset_range_s \(\+-2 s\); set that to",
+    ),
+    (
+        Rejection(R.LARGE_RESIDUALS, (), 84.0, 8.0, "px", values={"median_px": 1.9}),
+        r"are 84.0 px \(.*\), 8.0 are the limit .* below 1.9 px: .*; check for clocks",
     ),
     (Rejection(R.NOT_CONVERGED, (), 2.0, 0.0), "2 cameras still moved .*: raise bundle.rounds"),
     (Rejection(R.INCONSISTENT_SCALE, detail="a and b"), "scale is inconsistent: a and b"),
@@ -156,6 +169,10 @@ REMARKS = (
     (Remark(C.LEAVE_THE_LINE), "one line: people who walk across it"),
     (Remark(C.RECORD_LONGER), "a clip twice as long"),
     (
+        Remark(C.STAMPS_JUMP, ("a",), {"begin_s": 15.0, "end_s": 30.0, "jump_ms": 100.0}),
+        "^a: from 15 to 30 s after its first .* 100 ms off the times .*: check that nothing sets",
+    ),
+    (
         Remark(C.VERIFIED_BY_LIMBS_ALONE, ("a", "b"), {"limb_variation_percent": 3.21}),
         "^no 3D poses verify a, b: only the lengths .*, which vary by 3.2 %$",
     ),
@@ -181,6 +198,17 @@ REMARKS = (
         Remark(C.IDS_LINKED, ("a",), {"continued": 0.4, "limit": 0.7, "n_tracks": 5}),
         r"^a: .* no tracks \(40% .*, 70% are needed\): .* to 5 tracks; a tracker",
     ),
+    (Remark(C.SCORES_IN_PERCENT, ("a",), {"largest": 98.0}), "^a: scores go up to 98, .*: give"),
+    (
+        Remark(C.KEYPOINTS_NOT_OBSERVED, ("a",), {"n_points": 320, "x": -1.0, "y": -1.0}),
+        r"^a: 320 keypoints .* exactly at \(-1, -1\), .*: let their",
+    ),
+    (
+        Remark(C.IMAGES_REPEATED, ("a",), {"n_repeated": 5, "n_images": 90, "longest_s": 0.2}),
+        r"^a: 5 of 90 images are left out, .* up to 0.2 s\), .*; check",
+    ),
+    (Remark(C.KEYPOINTS_SWAPPED, ("a",)), "^a: x and y of its keypoints are swapped, .*; give x"),
+    (Remark(C.LAYOUT_MISTAKEN, ("a",), detail="coco_17"), "^a: .* those of coco_17, .*: correct"),
     (
         Remark(C.POSES_RESCALED, ("a",), {"height_m": 1720.0}, "millimetres"),
         "^a: people would be 1720 m tall .* taken as millimetres: convert",

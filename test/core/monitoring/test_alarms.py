@@ -106,7 +106,13 @@ def test_thresholds_can_be_changed():
 
 
 def test_weak_evidence_adds_up():
-    assert states(*[finding(2.0, gain=0.9)] * 4) == [*[State.UNKNOWN] * 3, State.MOVED]
+    assert states(*[finding(2.0, gain=0.6)] * 4) == [*[State.UNKNOWN] * 3, State.MOVED]
+
+
+def test_a_span_that_nothing_explains_neither_is_evidence_nor_against_it():
+    weak = finding(2.0, gain=0.9)
+    assert states(GOOD, weak, DISAGREES, weak, weak)[-1] is State.MOVED
+    assert not any(state.alarm for state in states(GOOD, weak, DISAGREES, GOOD, weak))
 
 
 def test_a_displacement_beside_a_turn_needs_more_evidence():
@@ -172,6 +178,21 @@ def test_a_clock_that_runs_at_another_rate_has_drifted(ppm):
     assert abs(first.clock_jump_s) == pytest.approx(0.05, rel=0.15)
     assert "the clock of cam1 has drifted by" in first.sentence()
     assert first.state.changed
+
+
+def test_of_two_cameras_the_drift_is_seen_in_whichever_was_fitted():
+    """Each is fitted in every other span; the other one is corrected by it."""
+    verdicts, spans = {name: Verdict(name) for name in ("cam0", "cam1")}, []
+    for k, advance_s in enumerate(np.linspace(0.0, 0.07, 40)):
+        own = finding(clock_s=-advance_s, gain=4.0 * (advance_s > 0.02) + 0.1, rivals=["cam0"])
+        other = finding(clock_s=advance_s, gain=0.9 * own.fit.gain, rivals=["cam1"])
+        silent = finding(gain=0.0)
+        pair = (silent, own) if k % 2 and advance_s < 0.04 else (other, own)
+        found = dict(zip(("cam0", "cam1"), pair, strict=True))
+        spans = [*spans, Span(SPAN_S * k, SPAN_S * (k + 1), found)][-KEPT_SPANS:]
+        verdicts = judge(spans, verdicts, Thresholds())
+        assert not any(v.state is State.CLOCK for v in verdicts.values())
+    assert {v.state for v in verdicts.values()} == {State.DRIFTED}
 
 
 def test_a_jump_after_a_drift_is_a_jump():

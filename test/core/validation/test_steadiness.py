@@ -82,3 +82,17 @@ def test_a_clock_that_is_slewed_is_named():
 
     found = result(changed(scene.recording, "cam1", slewed))
     assert left_out(found)["cam1"].reason is RejectionReason.CLOCK_NOT_STEADY
+
+
+def test_log_times_say_which_of_two_clocks_was_set():
+    two = replace(OPTIONS, n_cameras=2)
+    scene = simulate(two, clips=CLIPS, changes=[CameraChange(1, 4.0, clock_s=0.08)])
+    cameras = scene.recording.cameras
+    late = [
+        taken + 0.03 + 0.005 * np.random.default_rng(1).random(len(taken))
+        for taken in scene.exposures_s
+    ]
+    recorded = tuple(replace(c, received=at) for c, at in zip(cameras, late, strict=True))
+    found = result(replace(scene.recording, cameras=recorded))
+    assert [why.cameras for why in found.rejections] == [("cam1",)]
+    assert found.rejections[0].values["received_s"] == pytest.approx(0.08, abs=0.01)

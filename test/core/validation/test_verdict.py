@@ -107,6 +107,18 @@ def turned(iteration):
     return replace(iteration, rig=replace(iteration.rig, R_ref_cam=R))
 
 
+def test_keypoints_that_count_as_fitting_and_are_far_off_are_not_good(solution, verdict):
+    """One in twenty, by 0.05 of the distance: 70 px."""
+    last = solution.last
+    x = last.observations.x.copy()
+    x[::20] += 0.05
+    off = replace(last, observations=replace(last.observations, x=x))
+    found = verdict(replace(solution, iterations=(*solution.iterations[:-1], off)))
+    assert found.status is Status.DEGENERATE
+    assert codes(found)[0] is RejectionReason.LARGE_RESIDUALS
+    assert found.rejections[0].measured > 10.0
+
+
 def test_what_still_moves_has_not_converged(solution, verdict):
     last = solution.last
     assert unsettled_cameras((last, last)) == unsettled_cameras((last,)) == 0
