@@ -114,10 +114,7 @@ def _lift_camera(
             tracks.append(LiftedTrack(track.track_id, track.frames[usable], *own))
     shutter = shutter or GLOBAL
     return LiftedCamera(
-        camera.name,
-        shutter.times(camera.stamps),
-        tuple(tracks),
-        shutter,
+        *(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter),
         received=camera.received,
         intrinsics=camera.intrinsics,
     )
