@@ -15,16 +15,18 @@ from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.limits import OTHER_OFFSET_FRAMES
 from stcalib_ros.core.control import Control
 from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, largest_part
+from stcalib_ros.core.lifting.mirrored import unmirrored
 from stcalib_ros.core.lifting.views import LiftedViews
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Insufficient
-from stcalib_ros.core.model.rejection import RejectionReason
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, resect
 from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.registration.resampling import Grid
 from stcalib_ros.core.validation.camera_checks import CameraChecks, check_cameras, rejection
+from stcalib_ros.core.validation.inconsistencies import inconsistencies
 from stcalib_ros.core.validation.thresholds import DEFAULT
 from stcalib_ros.core.validation.verdict import Solution, rival_solution, unsettled_cameras
 
@@ -34,6 +36,18 @@ _UNSTEADY = (
     RejectionReason.PART_DISAGREES,
 )
 """Reasons for which a camera has no one pose and clock that it could be registered at."""
+
+_UNMATCHED = (
+    RejectionReason.DISCONNECTED,
+    RejectionReason.UNMATCHED_OBSERVATIONS,
+    RejectionReason.RIVAL_SOLUTION,
+    RejectionReason.TOO_FEW_INLIERS,
+    RejectionReason.TOO_MANY_OUTLIERS,
+    RejectionReason.TOO_LITTLE_EXPLAINED,
+    RejectionReason.TOO_LITTLE_SHARED_TIME,
+    RejectionReason.BONES_DISAGREE,
+)
+"""Reasons that a camera gives, too, whose image is mirrored."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +105,8 @@ def adjust_rigs(
 
     start, rival = select_initial_rig(rigs, adjust, exclusions, problem.control.tick)
     if rival is None:
-        return _reinstate_excluded(problem, _exclude_unreliable(problem, start))
+        solution = _reinstate_excluded(problem, _exclude_unreliable(problem, start))
+        return _name_mirrored(problem, solution)
     found = rival_solution(start.iteration, rival, offset_range_s=problem.options.offset_range_s)
     step_s = start.iteration.observations.step_s
     disputed = start.iteration.differing(rival, OTHER_OFFSET_FRAMES * step_s).tolist()
@@ -100,7 +115,20 @@ def adjust_rigs(
         return replace(_solve(problem, start), rival=found)
     names = tuple(problem.exclusions.names[c] for c in disputed)
     left_out = start.exclusions.adding(disputed, replace(found, cameras=names))
-    return adjust_rigs(problem, rest, left_out)
+    return adjust_rigs(problem, rest, _name_faults(problem, start.iteration, left_out))
+
+
+def _name_faults(problem: CalibrationProblem, last: Iteration, left_out: Exclusions) -> Exclusions:
+    """Name what is wrong with the input of cameras that are left out, where their residuals say.
+
+    A clock that changes fits one solution before, and another one after.
+    """
+    faults = inconsistencies(problem.views.lifted, problem.views.skeleton, last)
+    for c, found in zip(last.rig.cameras.tolist(), faults, strict=True):
+        name = problem.exclusions.names[c]
+        if found and name in {one.name for one in left_out.cameras}:
+            left_out = left_out.reinstating([c]).adding([c], replace(found[0], cameras=(name,)))
+    return left_out
 
 
 def _without(rig: Rig, cameras: Sequence[int]) -> Rig | None:
@@ -238,3 +266,23 @@ def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Soluti
         return before
     kept = set(after.last.rig.cameras.tolist())
     return after if after.sound and kept > set(present) else before
+
+
+def _name_mirrored(problem: CalibrationProblem, solution: Solution) -> Solution:
+    """Name the cameras that match the people of the others if their images are mirrored."""
+    if not solution.sound:
+        return solution
+    views, exclusions = problem.views, solution.exclusions
+    unmatched = {one.name for one in exclusions.cameras if one.rejection.reason in _UNMATCHED}
+    for c in problem.cameras:
+        name = problem.exclusions.names[c]
+        if name in unmatched:
+            problem.control.tick("registration of a camera that was left out", 0.0)
+            lifted = list(views.lifted)
+            lifted[c] = unmirrored(lifted[c], views.skeleton)
+            one = resect(lifted, c, views.skeleton, solution.last, problem.options)
+            if one is not None:
+                reason = RejectionReason.IMAGE_MIRRORED
+                found = Rejection(reason, (name,), one.explained)
+                exclusions = exclusions.reinstating([c]).adding([c], found)
+    return replace(solution, exclusions=exclusions)
