@@ -53,7 +53,7 @@ CODES: Mapping[str, frozenset[str]] = {
             "IDS_ARE_NO_TRACKS",
             "IDS_LINKED",
             "IMAGES_REPEATED",
-            "IMAGE_MIRRORED",
+            "MIRRORED_VIEW",
             "STREAM_FROZEN",
             "KEYPOINTS_NOT_OBSERVED",
             "KEYPOINTS_SWAPPED",

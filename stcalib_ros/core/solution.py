@@ -15,11 +15,10 @@ from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.limits import OTHER_OFFSET_FRAMES
 from stcalib_ros.core.control import Control
 from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, largest_part
-from stcalib_ros.core.lifting.mirrored import unmirrored
 from stcalib_ros.core.lifting.views import LiftedViews
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Insufficient
-from stcalib_ros.core.model.rejection import Rejection, RejectionReason
+from stcalib_ros.core.model.rejection import RejectionReason
 from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, resect
@@ -36,18 +35,6 @@ _UNSTEADY = (
     RejectionReason.PART_DISAGREES,
 )
 """Reasons for which a camera has no one pose and clock that it could be registered at."""
-
-_UNMATCHED = (
-    RejectionReason.DISCONNECTED,
-    RejectionReason.UNMATCHED_OBSERVATIONS,
-    RejectionReason.RIVAL_SOLUTION,
-    RejectionReason.TOO_FEW_INLIERS,
-    RejectionReason.TOO_MANY_OUTLIERS,
-    RejectionReason.TOO_LITTLE_EXPLAINED,
-    RejectionReason.TOO_LITTLE_SHARED_TIME,
-    RejectionReason.BONES_DISAGREE,
-)
-"""Reasons that a camera gives, too, whose image is mirrored."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,8 +92,7 @@ def adjust_rigs(
 
     start, rival = select_initial_rig(rigs, adjust, exclusions, problem.control.tick)
     if rival is None:
-        solution = _reinstate_excluded(problem, _exclude_unreliable(problem, start))
-        return _name_mirrored(problem, solution)
+        return _reinstate_excluded(problem, _exclude_unreliable(problem, start))
     found = rival_solution(start.iteration, rival, offset_range_s=problem.options.offset_range_s)
     step_s = start.iteration.observations.step_s
     disputed = start.iteration.differing(rival, OTHER_OFFSET_FRAMES * step_s).tolist()
@@ -266,23 +252,3 @@ def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Soluti
         return before
     kept = set(after.last.rig.cameras.tolist())
     return after if after.sound and kept > set(present) else before
-
-
-def _name_mirrored(problem: CalibrationProblem, solution: Solution) -> Solution:
-    """Name the cameras that match the people of the others if their images are mirrored."""
-    if not solution.sound:
-        return solution
-    views, exclusions = problem.views, solution.exclusions
-    unmatched = {one.name for one in exclusions.cameras if one.rejection.reason in _UNMATCHED}
-    for c in problem.cameras:
-        name = problem.exclusions.names[c]
-        if name in unmatched:
-            problem.control.tick("registration of a camera that was left out", 0.0)
-            lifted = list(views.lifted)
-            lifted[c] = unmirrored(lifted[c], views.skeleton)
-            one = resect(lifted, c, views.skeleton, solution.last, problem.options)
-            if one is not None:
-                reason = RejectionReason.IMAGE_MIRRORED
-                found = Rejection(reason, (name,), one.explained)
-                exclusions = exclusions.reinstating([c]).adding([c], found)
-    return replace(solution, exclusions=exclusions)

@@ -13,7 +13,6 @@ from stcalib_ros.core import solution
 from stcalib_ros.core.bundle.initialization import Start
 from stcalib_ros.core.control import Control
 from stcalib_ros.core.integration.exclusions import Exclusions
-from stcalib_ros.core.lifting.mirrored import unmirrored
 from stcalib_ros.core.lifting.views import LiftedViews
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.rig import sub_rig
@@ -97,19 +96,6 @@ def test_what_is_wrong_with_its_input_is_said_where_its_residuals_say(
     (left_out,) = found.exclusions.cameras
     assert (left_out.name, left_out.rejection.reason) == ("cam2", fault.reason)
     assert left_out.rejection.cameras == ("cam2",)
-
-
-def test_a_camera_whose_image_is_mirrored_is_named(problem, small_stages):
-    rig = sub_rig(small_stages.iterations[0].rig, [0, 1])
-    lifted = list(problem.views.lifted)
-    lifted[2] = unmirrored(lifted[2], problem.views.skeleton)
-    mirrored = replace(problem, views=replace(problem.views, lifted=tuple(lifted)))
-    unmatched = Rejection(RejectionReason.UNMATCHED_OBSERVATIONS, ("cam2",))
-    exclusions = problem.exclusions.adding([2], unmatched)
-    found = adjust_rigs(mirrored, [rig], exclusions)
-    assert [one.rejection.reason for one in found.exclusions.cameras] == [
-        RejectionReason.IMAGE_MIRRORED
-    ]
 
 
 def test_where_it_is_the_reference_the_next_camera_is_it(problem, first, disputed, monkeypatch):

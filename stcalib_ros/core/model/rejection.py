@@ -40,7 +40,6 @@ class RejectionReason(str, Enum):
     # Faults of one camera that its residuals show
     IMAGE_RESIZED = "IMAGE_RESIZED"
     IMAGE_TURNED = "IMAGE_TURNED"
-    IMAGE_MIRRORED = "IMAGE_MIRRORED"
     DISTORTION_DISAGREES = "DISTORTION_DISAGREES"
     CLOCK_NOT_STEADY = "CLOCK_NOT_STEADY"
     POSE_CHANGED = "POSE_CHANGED"

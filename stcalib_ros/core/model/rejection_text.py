@@ -117,10 +117,6 @@ _SENTENCES = {
         "cy exchanged: the principal point is at ({cx:.0f}, {cy:.0f}), where its CameraInfo says "
         "({given_cx:.0f}, {given_cy:.0f}); bring keypoints and CameraInfo to one image"
     ),
-    _R.IMAGE_MIRRORED: (
-        "its image is mirrored: {measured:.0%} of its keypoints match the people whom the others "
-        "see if left and right of its image are exchanged; switch mirroring off in its driver"
-    ),
     _R.DISTORTION_DISAGREES: (
         "its keypoints are bent by {measured:.0%} at the edge of the image when its lens is taken "
         "for that of its CameraInfo, {limit:.0%} are the limit: check D, and whether the keypoints "

@@ -61,7 +61,6 @@ REJECTIONS = (
         Rejection(R.KEYPOINTS_IN_CORNER, (), 0.33, 0.52, values=PLACED),
         r"within \(640, 360\) of .* 1920 x 1080 px, 33% of its size: .*; bring",
     ),
-    (Rejection(R.IMAGE_MIRRORED, (), 0.93), "mirrored: 93% of its keypoints match .* switch mir"),
     (Rejection(R.KEYPOINTS_COINCIDE, (), 0.5, 1.0, "px"), "at one place, within 0.5 px: check"),
     (
         Rejection(R.CLOCK_EPOCH_DIFFERS, (), 3598.0, 1.0, "s", (), SPANS),
