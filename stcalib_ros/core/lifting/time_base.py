@@ -201,9 +201,9 @@ def _shared_images(cameras: Sequence[CameraRecording], options: Options) -> dict
 
 def _mostly_empty(cameras: Sequence[CameraRecording], used: Mapping[str, BoolArray]) -> bool:
     """Whether a grid over all images would have many times as many samples as there are images."""
-    if len(cameras) < 2:
+    parts = [part for c in cameras if len(part := c.stamps[used[c.name]])]
+    if len(parts) < 2:
         return False
-    parts = [c.stamps[used[c.name]] for c in cameras]
     span = max(float(p[-1]) for p in parts) - min(float(p[0]) for p in parts)
     covered = max((len(p) * mean_period(p) for p in parts if len(p) > 1), default=0.0)
     return bool(span > MAX_GRID_FACTOR * covered)
