@@ -16,6 +16,7 @@ from stcalib_ros.core.geometry.robust import median_of_known
 from stcalib_ros.core.lifting.limits import (
     CLOSEST_IMAGES_S,
     EVEN_RATIO,
+    IMPOSSIBLE_RATIO,
     MANY_SHORT,
     MAX_GRID_FACTOR,
     MOVING_QUANTILE,
@@ -101,7 +102,7 @@ def _evened(camera: CameraRecording) -> tuple[CameraRecording, Remark | Rejectio
         return camera, None
     even, bunch = _lines(stamps, short), _longest_run(short) + 1
     within, period = float(np.median(intervals[short])), float(np.median(np.diff(even)))
-    worst_ratio = 1.0 if within < CLOSEST_IMAGES_S else EVEN_RATIO
+    worst_ratio = IMPOSSIBLE_RATIO if within < CLOSEST_IMAGES_S else EVEN_RATIO
     lossless = np.ptp(stamps - even) <= (bunch - 1 + _SLACK_PERIODS) * period
     possible = lossless and (np.diff(even) > 0.0).all()
     if _roughness_ratio(camera, even) > worst_ratio or (share < MANY_SHORT and not possible):
