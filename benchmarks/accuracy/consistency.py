@@ -34,7 +34,9 @@ from stcalib_ros.io.mocap import shipped_clips
 _BLOCKS = ("rotation", "centre", "offset")
 _WEAK_LIMITS = (0.5, 2.0)
 _LIMITS = {
-    **{"default": (0.7, 1.5), "bias": (0.5, 3.0), "rates": (0.5, 3.0)},
+    "default": (0.7, 1.5),
+    "bias": (0.5, 3.0),
+    "rates": (0.5, 3.0),
     **{scenario.name: _WEAK_LIMITS for scenario in WEAK},
 }
 _RANK = 1e-6
