@@ -18,7 +18,8 @@ help:
 	@echo "make paper    the paper's experiments, reduced, against the accuracy they had before"
 	@echo "make test     lint and test everything, with real ROS 2 (ROS_DISTRO=jazzy or kilted)"
 	@echo "make lint     ruff and mypy"
-	@echo "make env      set up ROS 2 and build the package; then: source scripts/activate.sh"
+	@echo "make env      set up ROS 2 and build the package; then 'source scripts/activate.sh' gives"
+	@echo "              a shell with the commands stcalib and ros2 run"
 	@echo "make clean    remove everything that the other targets made"
 
 demo:
@@ -52,6 +53,7 @@ lint:
 env:
 	@scripts/setup.sh $(ROS_DISTRO)
 	@scripts/build.sh $(ROS_DISTRO) .ros/$(ROS_DISTRO) --symlink-install
+	@echo "ready: source scripts/activate.sh $(ROS_DISTRO)  # then stcalib --help, ros2 run stcalib_ros calibrator"
 
 clean:
 	rm -rf .venv .venv-* .ros build dist out *.egg-info

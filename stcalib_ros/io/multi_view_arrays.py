@@ -71,6 +71,8 @@ def _require_shapes(path: Path, arrays: Arrays) -> None:
     shapes = {"camera_names": (C,), "frame_number": (F,), "kp_names": (J,), "fps": ()}
     shapes |= {"image_size": (C, 2), "K": (C, 3, 3), "R": (C, 3, 3), "t": (C, 3)}
     shapes["dist"] = (C, *arrays["dist"].shape[1:])
+    if "kp3d_names" in arrays:
+        shapes["kp3d_names"] = (arrays["kp3d_names"].size,)
     shapes |= dict.fromkeys(("det_frame", "det_camera", "det_track", "det_person"), (N,))
     poses = [name for name in ("det_kp2d", "det_kp3d") if name in arrays]
     shapes |= dict.fromkeys(poses, (N, J, 3))

@@ -18,6 +18,7 @@ from stcalib_ros.ros.limits import (
     MAX_CAMERAS,
     MAX_PARAMETER_TEXT,
     MAX_PARAMETER_VALUES,
+    MAX_TEXT,
     MIN_CAMERAS,
 )
 from stcalib_ros.ros.streams import Limits
@@ -225,9 +226,10 @@ def require_camera_names(names: Iterable[str], *, at_least: int = MIN_CAMERAS) -
         There are too few or too many, one is given twice, or one is not a name.
     """
     names = tuple(names)
-    if bad := [n for n in names if not _NAME.fullmatch(n)]:
+    if bad := [n for n in names if not _NAME.fullmatch(n) or len(n) > MAX_TEXT]:
         raise InputError(
-            f"cameras: {bad[0]!r} is not a name: letters, digits and _, a letter first"
+            f"cameras: {bad[0][:MAX_TEXT]!r} is not a name: at most {MAX_TEXT} letters, digits and "
+            "_, a letter first"
         )
     if len(set(names)) < len(names):
         raise InputError(f"cameras: a name is given twice: {', '.join(names)}")
@@ -252,10 +254,14 @@ def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
     """
     names = require_camera_names(values[CAMERAS.name])
     for name, value in values.items():
-        if isinstance(value, str) and len(value) > MAX_PARAMETER_TEXT:
+        if not isinstance(value, str):
+            continue
+        if len(value) > MAX_PARAMETER_TEXT:
             raise InputError(
                 f"{name}: expected at most {MAX_PARAMETER_TEXT} characters, got {len(value)}"
             )
+        if not value.replace("\n", " ").isprintable():
+            raise InputError(f"{name}: expected printable characters, got {value!r}")
     options = _options(values)
     if options.reference is not None and options.reference not in names:
         raise InputError(
@@ -295,10 +301,12 @@ def _camera(name: str, values: Mapping[str, Any]) -> SelectedCamera:
 
 
 def _folder(given: str, node_name: str) -> Path:
-    if given:
-        return Path(given).expanduser()
-    home = Path(os.environ.get("ROS_HOME") or "~/.ros").expanduser()
-    return home / "stcalib_ros" / node_name.strip("/").replace("/", ".")
+    home = Path(os.environ.get("ROS_HOME") or "~/.ros")
+    folder = Path(given) if given else home / "stcalib_ros" / node_name.strip("/").replace("/", ".")
+    try:
+        return folder.expanduser()
+    except RuntimeError as error:
+        raise InputError(f"results_folder: {error}: give a path without ~") from error
 
 
 def declare(node: Any) -> dict[str, Any]:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.ros.convert import message_class
 from stcalib_ros.ros.intake import Intake, Take
+from stcalib_ros.ros.limits import MAX_LINE
 from stcalib_ros.ros.parameters import Settings
 from stcalib_ros.ros.publishers import latched
 
@@ -59,6 +62,9 @@ class Subscriptions:
         They cost time: nothing is incompatible, and /diagnostics reports wrong types.
         """
         silent = SubscriptionEventCallbacks(use_default_callbacks=False)
-        self._node.create_subscription(
-            message_class(type_name), topic, take, qos, raw=True, event_callbacks=silent
-        )
+        try:
+            self._node.create_subscription(
+                message_class(type_name), topic, take, qos, raw=True, event_callbacks=silent
+            )
+        except InvalidTopicNameException as error:
+            raise InputError(one_line(f"topic {topic!r}: {error}", MAX_LINE)) from error

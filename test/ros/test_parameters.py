@@ -115,6 +115,10 @@ NINEFOLD = "".join(f", &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1
         ("world_frame", "x" * 20_000, "at most 10000 characters"),
         ("world_frame", "x" * 300, "at most 256 printable"),
         ("world_frame", "a\nb", "at most 256 printable"),
+        ("world_frame", "a\0b", "expected printable characters"),
+        ("results_folder", "/tmp/\x1b[31m", "expected printable characters"),
+        ("results_folder", "~nobody-of-that-name/x", "results_folder: .*give a path without ~"),
+        ("cameras", ["cam0", "c" * 300], "at most 256 letters"),
     ],
 )
 def test_no_value_of_a_parameter_does_more_than_be_refused(name, value, message):

@@ -6,10 +6,16 @@ disagreement between cameras.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from stcalib_ros.core.lifting.input_values import (
+    with_scores_of_one,
+    without_repeated_images,
+    without_undetected,
+)
 from stcalib_ros.core.lifting.intrinsics_checks import intrinsics_faults
+from stcalib_ros.core.lifting.keypoint_axes import with_own_layout, with_x_before_y
 from stcalib_ros.core.lifting.keypoint_checks import (
     keypoint_faults,
     keypoint_remarks,
@@ -17,6 +23,7 @@ from stcalib_ros.core.lifting.keypoint_checks import (
 )
 from stcalib_ros.core.lifting.pose_axes import with_projecting_poses
 from stcalib_ros.core.lifting.pose_units import in_metres
+from stcalib_ros.core.lifting.read_camera import ReadCamera
 from stcalib_ros.core.lifting.time_base import mended_time_base
 from stcalib_ros.core.lifting.track_checks import with_tracks
 from stcalib_ros.core.model.recording import CameraRecording, Recording
@@ -43,6 +50,17 @@ class ScreenedInput:
     remarks: tuple[Remark, ...]
 
 
+_STEPS: tuple[Callable[[CameraRecording, float], ReadCamera], ...] = (
+    lambda camera, min_score: with_scores_of_one(camera, min_score=min_score),
+    lambda camera, min_score: without_undetected(camera, min_score=min_score),
+    lambda camera, _: with_tracks(camera),
+    lambda camera, min_score: without_repeated_images(camera, min_score=min_score),
+    lambda camera, min_score: with_own_layout(camera, min_score=min_score),
+    lambda camera, min_score: with_x_before_y(camera, min_score=min_score),
+)
+"""What is put right of every camera, in this order."""
+
+
 def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     """Find the faults of every camera's input.
 
@@ -52,13 +70,13 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     options : Options
     """
     timed = mended_time_base(recording, options)
-    tracked = [with_tracks(camera) for camera in timed.recording.cameras]
-    given = replace(timed.recording, cameras=tuple(one.camera for one in tracked))
-    faults = {one.camera.name: one.fault for one in tracked if one.fault is not None}
+    read = [_read(camera, options.min_score) for camera in timed.recording.cameras]
+    given = replace(timed.recording, cameras=tuple(one.camera for one in read))
+    faults = {one.camera.name: one.fault for one in read if one.fault is not None}
     faults |= intrinsics_faults(given, min_score=options.min_score)
     faults |= keypoint_faults(given, min_score=options.min_score)
     faults |= timed.faults
-    remarks = timed.remarks + tuple(one.remark for one in tracked if one.remark is not None)
+    remarks = sum((one.remarks for one in read), timed.remarks)
     remarks += keypoint_remarks(given, min_score=options.min_score)
     usable = without_people(given, faults)
     # The paper's method cannot do without 3D poses.
@@ -68,7 +86,7 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
 
 
 def readable_input(recording: Recording, *, min_score: float) -> Recording:
-    """Return a recording with tracks that follow persons, and 3D poses that project, in metres.
+    """Return a recording with all put right that can be, and nothing else.
 
     Parameters
     ----------
@@ -76,9 +94,19 @@ def readable_input(recording: Recording, *, min_score: float) -> Recording:
     min_score : float
         Joints with a lower score are not looked at.
     """
-    tracked = [with_tracks(camera).camera for camera in recording.cameras]
-    cameras, _ = _with_usable_poses(tracked, min_score)
+    read = [_read(camera, min_score).camera for camera in recording.cameras]
+    cameras, _ = _with_usable_poses(read, min_score)
     return replace(recording, cameras=cameras)
+
+
+def _read(camera: CameraRecording, min_score: float) -> ReadCamera:
+    """Put right the values, tracks, images and axes of a camera, up to the first fault."""
+    found = ReadCamera(camera)
+    for step in _STEPS:
+        if found.fault is None:
+            after = step(found.camera, min_score)
+            found = replace(after, remarks=found.remarks + after.remarks)
+    return found
 
 
 def _with_usable_poses(

@@ -105,23 +105,16 @@ def _lift_camera(
         usable = np.isfinite(x[..., 0]).sum(-1) >= MIN_JOINTS
         root_cam = _roots(joints_cam, x, skeleton)
         if usable.any():
-            tracks.append(
-                LiftedTrack(
-                    track.track_id,
-                    track.frames[usable],
-                    _as_precise(x[usable], track.keypoints),
-                    _as_precise(focal[usable], track.keypoints),
-                    _as_precise(joints_cam[usable], track.keypoints),
-                    _as_precise(root_cam[usable], track.keypoints),
-                    None if shutter is None else rows[usable] - shutter.middle_row,
-                )
+            x_used, focal_used, joints_used, root_used = (
+                _as_precise(value[usable], track.keypoints)
+                for value in (x, focal, joints_cam, root_cam)
             )
+            relative = None if shutter is None else rows[usable] - shutter.middle_row
+            own = (x_used, focal_used, joints_used, root_used, relative)
+            tracks.append(LiftedTrack(track.track_id, track.frames[usable], *own))
     shutter = shutter or GLOBAL
     return LiftedCamera(
-        camera.name,
-        shutter.times(camera.stamps),
-        tuple(tracks),
-        shutter,
+        *(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter),
         received=camera.received,
         intrinsics=camera.intrinsics,
     )

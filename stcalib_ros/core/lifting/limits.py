@@ -223,3 +223,49 @@ MAX_GRID_FACTOR = 50.0
 camera with most images has them. With more, images that no other camera can share, and all
 but the fullest stretch, are left out. Chosen: two clips of 10 s that are 15 minutes apart have 46;
 time and memory of the association grow with it."""
+
+MIN_PERCENT = 30.0
+"""Score. A camera whose largest score is between this and 100 has them in percent. Derived: scores
+are 0..1, and heat maps or logits that are given instead of them reach about ten."""
+
+MIN_REPEATED_VALUE = 0.005
+"""Fraction of the keypoints of a camera. A place that as many have, to the last bit, may stand for
+keypoints that were not detected. Chosen: keypoints of people who stand still repeat in whole
+pixels, but by one joint at a place."""
+
+MIN_REPEATING_JOINTS = 0.5
+"""Fraction of the joints of a layout. A place within the image stands for what was not detected
+where as many joints are at it at times; one at or beyond the left or upper border, where two are.
+Chosen: of people in motion no two joints are often at one place."""
+
+ONE_PLACE_FRACTION = 0.95
+"""Fraction of the keypoints of a camera. Where more are at one place, nobody was detected, which is
+said as such. Chosen."""
+
+FROZEN_FRACTION = 0.9
+"""Fraction of the images with persons. A camera in which more repeat the image before, to the last
+bit, shows a picture that stands still. Chosen: a stream that has three times the rate of its camera
+repeats two of three."""
+
+MIN_FROZEN_IMAGES = 20
+"""Images with persons, count. With fewer nothing is said about repeated ones. Chosen."""
+
+MAX_PROPORTIONS = 0.35
+"""Standard deviation of the logarithm of limb lengths over those of an adult. With more, joints may
+be in the order of another layout. Chosen between: 0.03 to 0.14 in simulated scenes, to 0.29 in real
+ones with hidden legs (benchmarks/data), and 0.35 to 1.4 in the order of another layout."""
+
+ORDER_MARGIN = 0.5
+"""Ratio. The joints of a camera are in the order of another layout if its proportions are off by
+less than this of what those of its own layout are off by. Chosen: 0.04 to 0.4 where they are."""
+
+MIN_LYING = 0.7
+"""Cosine. People whose trunk points to the right of the image by more, from shoulders to hips,
+lie with their heads to the left, as keypoints with x and y exchanged do. Chosen: 45 degrees."""
+
+MIN_OUTSIDE = 0.02
+"""Fraction of keypoints. With more beyond the right or lower border, and people who lie, x and y
+may be exchanged. Chosen: estimators guess joints of people at the border beyond it."""
+
+MAX_OUTSIDE_IF_SWAPPED = 0.2
+"""Ratio. x and y are exchanged if that leaves less of the keypoints beyond the border. Chosen."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from stcalib_ros.core.geometry.interpolation import frame_period
@@ -16,31 +14,14 @@ from stcalib_ros.core.lifting.limits import (
     TRACK_JUMP,
     TRACK_SPEED,
 )
+from stcalib_ros.core.lifting.read_camera import ReadCamera
 from stcalib_ros.core.lifting.track_linking import linked
 from stcalib_ros.core.model.arrays import FloatArray
 from stcalib_ros.core.model.recording import CameraRecording, Track
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrackedCamera:
-    """A camera whose tracks follow persons, as far as that can be had.
-
-    Attributes
-    ----------
-    camera : CameraRecording
-    remark : Remark or None
-        Its ids followed nobody, and people were linked from image to image.
-    fault : Rejection or None
-        They could not be linked either.
-    """
-
-    camera: CameraRecording
-    remark: Remark | None = None
-    fault: Rejection | None = None
-
-
-def with_tracks(camera: CameraRecording) -> TrackedCamera:
+def with_tracks(camera: CameraRecording) -> ReadCamera:
     """Return a camera with tracks that follow persons: its own, or else such as its poses make.
 
     A pose estimator without a tracker sends a new id for everybody in every image, or the place in
@@ -52,15 +33,15 @@ def with_tracks(camera: CameraRecording) -> TrackedCamera:
     """
     continued = continued_fraction(camera)
     if not continued < MIN_CONTINUED:
-        return TrackedCamera(camera)
+        return ReadCamera(camera)
     made = linked(camera)
     after = continued_fraction(made)
     if after < MIN_CONTINUED:
         reason = RejectionReason.IDS_ARE_NO_TRACKS
         fault = Rejection(reason, (camera.name,), after, MIN_CONTINUED)
-        return TrackedCamera(camera, fault=fault)
+        return ReadCamera(camera, fault=fault)
     values = {"continued": continued, "limit": MIN_CONTINUED, "n_tracks": len(made.tracks)}
-    return TrackedCamera(made, Remark(RemarkCode.IDS_LINKED, (camera.name,), values))
+    return ReadCamera(made, (Remark(RemarkCode.IDS_LINKED, (camera.name,), values),))
 
 
 def continued_fraction(camera: CameraRecording) -> float:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
+from stcalib_ros.core.model.remark_text import ADDITIONS, REMARKS
 
 _R = RejectionReason
 _SENTENCES = {
@@ -47,6 +48,14 @@ _SENTENCES = {
     _R.KEYPOINTS_COINCIDE: (
         "all keypoints of each person are at one place, within {measured:.2g} px: check the pose "
         "estimator's output"
+    ),
+    _R.SCORES_BELOW_LIMIT: (
+        "no joint has a score above {limit:g} (min_score), the largest is {measured:.2g}: scores "
+        "of 0..1 are expected; are these logits? Scale them, or lower min_score"
+    ),
+    _R.STREAM_FROZEN: (
+        "its picture stands still: in {measured:.0%} of its images everybody is as in the image "
+        "before, to the last bit, {limit:.0%} are the limit; check its driver or decoder"
     ),
     _R.IDS_ARE_NO_TRACKS: (
         "its track ids are no tracks, and its poses cannot be linked by their places: "
@@ -226,92 +235,6 @@ _SENTENCES = {
     _R.SOLVER_FAILED: "{detail}",
     _R.UNSPECIFIED: "{detail}",
 }
-_REMARKS = {
-    RemarkCode.LEAST_CONSTRAINED_CAMERA: (
-        "the least constrained camera is {camera}: rotation to {rotation_stddev_deg:.2g} degrees, "
-        "position to {position_stddev_percent:.2g} % of its distance from the people"
-    ),
-    RemarkCode.SHARE_MORE_VIEW: (
-        "{camera} shares {shared_s:.1f} s of people's motion with the others, who share "
-        "{usual_s:.1f} s: let people walk where it and {partner} see them ({common_s:.1f} s)"
-    ),
-    RemarkCode.MOVE_FASTER: "people who move faster in its view would determine its clock better",
-    RemarkCode.LEAVE_THE_LINE: (
-        "everybody stays on one line: people who walk across it would determine more"
-    ),
-    RemarkCode.RECORD_LONGER: "a clip twice as long would make that about 30 % less",
-    RemarkCode.POSES_LEFT_OUT: (
-        "{camera}: {n_left_out:.0f} of {n_poses:.0f} poses are left out, since all of their "
-        "keypoints are at one place: check the pose estimator's output"
-    ),
-    RemarkCode.IDS_LINKED: (
-        "{camera}: its track ids are no tracks ({continued:.0%} of its poses go on from the image "
-        "before under the same id, {limit:.0%} are needed): people were linked from image to image "
-        "by their keypoints, to {n_tracks:.0f} tracks; a tracker in its pose estimator does better"
-    ),
-    RemarkCode.IMAGES_LEFT_OUT: (
-        "{camera}: {n_left_out:.0f} of {n_images:.0f} images are left out: no other camera has "
-        "images near their stamps, or others are far away in time; its clock may have been set "
-        "in between"
-    ),
-    RemarkCode.POSES_RESCALED: (
-        "{camera}: people would be {height_m:.0f} m tall by its 3D poses, which are taken as "
-        "{detail}: convert them, or set metric to false"
-    ),
-    RemarkCode.POSES_NOT_METRIC: (
-        "{camera}: people would be {height_m:.2g} m tall by its 3D poses, which are not used as "
-        "metric: give them in metres, or set metric to false"
-    ),
-    RemarkCode.POSES_IN_OTHER_AXES: (
-        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
-        "are not used: they are {detail} (correlation {best:.2f}); x right, y down, z forward are "
-        "expected"
-    ),
-    RemarkCode.POSES_IN_OTHER_ORDER: (
-        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
-        "are not used: their joints are in the order of {detail} (correlation {best:.2f}); that "
-        "of its layout is expected"
-    ),
-    RemarkCode.POSES_WITH_SIDES_EXCHANGED: (
-        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
-        "are not used: left and right are exchanged between both (correlation {best:.2f} if that "
-        "is undone); check the names of its joints, and whether its image is mirrored"
-    ),
-    RemarkCode.POSES_DO_NOT_PROJECT: (
-        "{camera}: its 3D poses do not project onto its keypoints (correlation {given:.2f}) and "
-        "are not used; no other axes or order of joints fit: check that both are of the same "
-        "person and image"
-    ),
-    RemarkCode.STAMPS_EVENED: (
-        "the stamps of {camera} come in bunches of up to {bunch:.0f}, {within_ms:.2g} ms apart, "
-        "although its images were taken {period_ms:.3g} ms apart, as the motion in them shows: "
-        "even times are taken instead, and its time offset is that of its stamps on average; stamp "
-        "images when they are taken, not when they arrive"
-    ),
-    RemarkCode.IMAGES_LEFT_OUT: (
-        "{camera}: {n_left_out:.0f} of {n_images:.0f} images are left out: no other camera has "
-        "images near their stamps, or others are far away in time; its clock may have been set "
-        "in between"
-    ),
-    RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
-    RemarkCode.STAMPS_JUMP: (
-        "{camera}: from {begin_s:.0f} to {end_s:.0f} s after its first image, its stamps are "
-        "{jump_ms:.0f} ms off the times at which a recorder received them, against what they are "
-        "else, though people's motion does not show it: check that nothing sets its clock"
-    ),
-    RemarkCode.VERIFIED_BY_LIMBS_ALONE: (
-        "no 3D poses verify {cameras}: only the lengths of people's limbs do, which vary by "
-        "{limb_variation_percent:.1f} %"
-    ),
-}
-_ADDITIONS = {
-    "offset_stddev_ms": ", clock to {offset_stddev_ms:.2g} ms",
-    "stddev_ppm": (
-        ": they would be known to {stddev_ppm:.0f} ppm, {limit_ppm:.0f} are needed, which takes "
-        "about {enough_s:.0f} s"
-    ),
-}
-"""Ends of remarks that have a value of that name."""
 
 
 class _Values(dict[str, object]):
@@ -362,8 +285,8 @@ def camera_sentence(name: str, rejection: Rejection) -> str:
 def remark_sentence(remark: Remark) -> str:
     """Return the sentence of a remark."""
     camera, partner = (*remark.cameras, "", "")[:2]
-    ends = [end for name, end in _ADDITIONS.items() if name in remark.values]
-    text = "".join([_REMARKS[remark.code], *ends])
+    ends = [end for name, end in ADDITIONS.items() if name in remark.values]
+    text = "".join([REMARKS[remark.code], *ends])
     names = {
         "camera": camera,
         "partner": partner,

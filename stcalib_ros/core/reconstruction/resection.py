@@ -43,6 +43,10 @@ from stcalib_ros.core.registration.resampling import common_grid
 
 _MAX_IMAGES = 300
 """Poses of the camera, count; of more, a regular part is used. Cost alone."""
+
+_MAX_VIEWS = 50_000
+"""Images times persons, count. All persons are compared with every image: bounds the memory where
+ids break, and one person is many. Numerical."""
 _STEPS = 15
 """Steps of one fit at most; persons are associated anew in each."""
 _MIN_STEPS = 5
@@ -174,7 +178,8 @@ class _Keypoints:
     def __init__(self, camera: LiftedCamera, last: Iteration, *, synchronised: bool) -> None:
         self.last, self.synchronised = last, synchronised
         total = sum(len(track.frames) for track in camera.tracks)
-        every = max(1, total // _MAX_IMAGES)
+        self.row_of = _row_table(last)
+        every = max(1, total // min(_MAX_IMAGES, max(1, _MAX_VIEWS // len(self.row_of))))
         parts = [(t, q, slice(None, None, every)) for q, t in enumerate(camera.tracks)]
         self.times: Float64Array = np.concatenate([camera.stamps[t.frames[s]] for t, _, s in parts])
         self.x: Float64Array = np.concatenate([t.x[s] for t, _, s in parts]).astype(np.float64)
@@ -183,7 +188,6 @@ class _Keypoints:
             [np.full(len(t.frames[s]), q, dtype=np.int64) for t, q, s in parts]
         )
         self.n_points = max(int(np.isfinite(self.x[..., 0]).sum()), 1)
-        self.row_of = _row_table(last)
 
     def fit(self, start: Resection) -> Resection:
         """Minimize the robust reprojection error by Gauss-Newton, with persons by each step."""

@@ -51,14 +51,18 @@ class Contrast:
 
 
 def largest_contrast(
-    time: Float64Array, x: Float64Array, information: Float64Array, *, least_inflation: float
+    time: Float64Array,
+    x: Float64Array,
+    information: Float64Array,
+    *,
+    least_inflation: float,
+    one_border: bool = False,
 ) -> Contrast:
     """Find the stretch of a series whose mean differs most significantly from that of the rest.
 
     A step, a drift and a stretch between two steps all show as one; a single sample amid others
-    does not, which is an outlier. How much the series scatters
-    is measured by each sample against the line through its neighbours, so that neither steps nor
-    drifts count as scatter.
+    does not, which is an outlier. How much the series scatters is measured by each sample against
+    the line through its neighbours, so that neither steps nor drifts count as scatter.
 
     Parameters
     ----------
@@ -69,10 +73,12 @@ def largest_contrast(
         Inverse covariances of x, but for a common factor.
     least_inflation : float
         Smallest factor that is taken for the scatter.
+    one_border : bool
+        Only stretches from the begin or to the end: what changes does so for good.
     """
     K, m = x.shape
     begin, end = np.triu_indices(K + 1, 1)
-    part = _long_enough(begin, end, K)
+    part = _long_enough(begin, end, K, one_border=one_border)
     begin, end = begin[part], end[part]
     H, b = (_cumulated(one) for one in (information, _times(information, _without_outliers(x))))
     H = H + _REGULARISED * np.trace(H[-1]) * np.arange(K + 1)[:, None, None] * np.eye(m)
@@ -95,10 +101,10 @@ def _without_outliers(x: Float64Array) -> Float64Array:
     return out
 
 
-def _long_enough(begin: IntArray, end: IntArray, K: int) -> BoolArray:
+def _long_enough(begin: IntArray, end: IntArray, K: int, *, one_border: bool) -> BoolArray:
     """Whether a stretch is not all, and neither it nor the rest one sample amid others."""
     inside, at_border = end - begin, (begin == 0) | (end == K)
-    return np.asarray((inside < K) & ((inside > 1) | at_border))
+    return np.asarray((inside < K) & (at_border | ((inside > 1) & (not one_border))))
 
 
 def _scatter(

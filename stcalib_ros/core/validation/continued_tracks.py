@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from stcalib_ros.core.integration.association import Association
-from stcalib_ros.core.model.arrays import BoolArray, IntArray
+from stcalib_ros.core.model.arrays import IntArray
 
 
 def with_tracks_continued(association: Association) -> Association:
@@ -23,31 +23,29 @@ def with_tracks_continued(association: Association) -> Association:
     ----------
     association : Association
     """
-    shared = _shared(association)
+    shared, n = _shared(association), association.n_persons
     return replace(
         association,
-        person_of=tuple(_continued(persons, shared) for persons in association.person_of),
+        person_of=tuple(_continued(persons, shared, n) for persons in association.person_of),
     )
 
 
-def _shared(association: Association) -> BoolArray:
-    """Whether two cameras or more have a person in a slot: (slots, persons)."""
-    n_slots = association.person_of[0].shape[1]
-    count = np.zeros((n_slots, association.n_persons), dtype=np.int64)
+def _shared(association: Association) -> IntArray:
+    """Persons in slots, as ``slot * n_persons + person``, that two cameras or more have."""
+    keys = []
     for persons in association.person_of:
-        _, slot = np.nonzero(persons >= 0)
-        has = np.zeros_like(count)
-        has[slot, persons[persons >= 0]] = 1
-        count += has
-    return np.asarray(count > 1)
+        track, slot = np.nonzero(persons >= 0)
+        keys.append(np.unique(slot * association.n_persons + persons[track, slot]))
+    every, count = np.unique(np.concatenate(keys), return_counts=True)
+    return np.asarray(every[count > 1], dtype=np.int64)
 
 
-def _continued(persons: IntArray, shared: BoolArray) -> IntArray:
+def _continued(persons: IntArray, shared: IntArray, n_persons: int) -> IntArray:
     """Persons (P, S) of the tracks of one camera, those of tracks that are alone replaced."""
     out: IntArray = persons.copy()
     for track, row in enumerate(persons):
         there = np.flatnonzero(row >= 0)
-        fits = shared[there, row[there]]
+        fits = np.isin(there * n_persons + row[there], shared)
         known = there[fits]
         if not len(known):
             continue

@@ -23,8 +23,10 @@ from stcalib_ros.core.validation.thresholds import (
     SUDDEN_FRACTION,
 )
 
-_WINDOW_S = 1.0
-"""Seconds. The least delay is taken over so much: a burst of a network lasts for less. Chosen."""
+_WINDOW_S, _MAX_WINDOWS = 1.0, 120
+"""Seconds, and count. The least delay is taken over so much, as a burst of a network lasts for
+less, and over more where there would be more windows: cost grows with the square of them. Chosen.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,8 @@ def _jump(camera: LiftedCamera) -> StampJump | None:
         return None
     since = camera.stamps - camera.stamps[0]
     known = np.isfinite(camera.received)
-    windows, number = np.unique((since[known] / _WINDOW_S).astype(np.int64), return_inverse=True)
+    window_s = max(_WINDOW_S, float(since[-1]) / _MAX_WINDOWS)
+    windows, number = np.unique((since[known] / window_s).astype(np.int64), return_inverse=True)
     if len(windows) < MIN_STEADINESS_WINDOWS:
         return None
     least = np.full(len(windows), np.inf)
@@ -103,8 +106,8 @@ def _jump(camera: LiftedCamera) -> StampJump | None:
     # The window before the last one of the other part is wholly before the jump.
     across = abs(float(least[min(begin + 1, end - 1)] - least[max(begin - 2, 0)]))
     return StampJump(
-        float(windows[begin]) * _WINDOW_S,
-        float(windows[end - 1] + 1) * _WINDOW_S,
+        float(windows[begin]) * window_s,
+        float(windows[end - 1] + 1) * window_s,
         found.size,
         across > SUDDEN_FRACTION * found.size,
     )

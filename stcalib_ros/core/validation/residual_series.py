@@ -43,6 +43,10 @@ _WINDOW_S, _N_WINDOWS = (0.5, 1.0), 10
 """Seconds, and count. Windows are a tenth of a clip, within these lengths: a second is about one
 step of a walking person, so that a clock shows; half a second has some of it. Chosen."""
 
+_MAX_WINDOWS = 120
+"""Count. Windows of recordings of more than two minutes are longer. Bounds cost and memory, which
+grow with the square of the number of windows."""
+
 _POINTS_PER_WINDOW = 250
 """Pairs of keypoints of a camera in a window, count; of more, a regular part is used. Cost alone:
 joints of one body share their errors."""
@@ -150,7 +154,7 @@ class ResidualSource:
         x = np.where(obs.observed[..., None], obs.x - late[..., None] * v, np.nan)
         times = obs.start_s + obs.time_bin * obs.step_s
         start, length = float(times.min()), float(np.ptp(times))
-        window_s = float(np.clip(length / _N_WINDOWS, *_WINDOW_S))
+        window_s = max(float(np.clip(length / _N_WINDOWS, *_WINDOW_S)), length / _MAX_WINDOWS)
         n = max(1, round(length / window_s))
         window = np.minimum(((times - start) / window_s).astype(np.int64), n - 1)
         focal, noise_px = obs.focal.astype(np.float64), max(_LEAST_SCALE_PX, last.median_px)

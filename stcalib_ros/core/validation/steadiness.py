@@ -175,9 +175,15 @@ def _changes(series: ChangeSeries) -> list[_Change]:
 
 
 def _contrast(series: ChangeSeries, part: slice) -> Contrast:
-    """The largest contrast of some parameters, whatever the others are."""
+    """The largest contrast of some parameters, whatever the others are.
+
+    A clock may be set and set again. A camera that is moved stays moved; that it seems to be turned
+    for a while is what keypoint bias does while people are at one side.
+    """
     covariance = np.linalg.inv(series.information)[:, part, part]
     known = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     return largest_contrast(
-        series.time_s, series.change[:, part], known, least_inflation=LEAST_SCATTER
+        *(series.time_s, series.change[:, part], known),
+        least_inflation=LEAST_SCATTER,
+        one_border=part == ROTATION,
     )

@@ -15,6 +15,7 @@ from stcalib_ros.io.datasets.easymocap import read_easymocap
 from stcalib_ros.io.datasets.form import Dataset, DatasetOptions, arrays_of, noisy_detections
 from stcalib_ros.io.datasets.mmptrack import read_mmptrack
 from stcalib_ros.io.datasets.panoptic import read_panoptic
+from stcalib_ros.io.json_files import MALFORMED
 
 __all__ = ["DATASETS", "Dataset", "DatasetOptions", "read_dataset"]
 
@@ -38,14 +39,22 @@ def read_dataset(name: str, path: Path, options: DatasetOptions) -> dict[str, ND
     InputError
         A file is missing or has another form, or the data set has no poses and none are given.
     """
-    dataset = DATASETS[name](path, options)
+    try:
+        return _arrays(DATASETS[name](path, options), options)
+    except MALFORMED as error:
+        raise InputError(
+            f"{path} is not a scene of {name} ({type(error).__name__}: {error})"
+        ) from error
+
+
+def _arrays(dataset: Dataset, options: DatasetOptions) -> dict[str, NDArray[Any]]:
     dataset.require_cameras()
     if options.poses is not None:
         return arrays_of(dataset, pose_detections(dataset, options.poses))
     if not dataset.joint_names:
         raise InputError(
-            f"{path} has no poses: give those of a detector, and of a lifter if there is one, with "
-            "--poses"
+            f"{dataset.path} has no poses: give those of a detector, and of a lifter if there is "
+            "one, with --poses"
         )
     rng = np.random.default_rng(options.seed)
     return arrays_of(dataset, noisy_detections(dataset, options.sigma_px, rng))

@@ -54,9 +54,10 @@ def test_people_whose_ids_are_no_tracks_are_linked(id_of):
     camera = with_ids(true, id_of)
     assert continued_fraction(camera) < MIN_CONTINUED - 0.2
     found = with_tracks(camera)
+    (remark,) = found.remarks
     assert found.fault is None
-    assert (found.remark.code, found.remark.cameras) == (RemarkCode.IDS_LINKED, ("cam1",))
-    assert found.remark.values["n_tracks"] == len(found.camera.tracks)
+    assert (remark.code, remark.cameras) == (RemarkCode.IDS_LINKED, ("cam1",))
+    assert remark.values["n_tracks"] == len(found.camera.tracks)
     assert continued_fraction(found.camera) > MIN_CONTINUED + 0.2
 
 
@@ -68,7 +69,7 @@ def test_people_who_jump_cannot_be_linked():
 
     camera = tracks_changed(scattered)(SCENE.recording.cameras[1])
     found = with_tracks(camera)
-    assert (found.camera, found.remark) == (camera, None)
+    assert (found.camera, found.remarks) == (camera, ())
     assert found.fault.reason is RejectionReason.IDS_ARE_NO_TRACKS
     assert found.fault.measured < found.fault.limit == MIN_CONTINUED
 
@@ -92,7 +93,7 @@ def test_tracks_that_are_lost_now_and_then_are_tracks(length):
     assert continued_fraction(fragments) > MIN_CONTINUED + 0.1
     for own in SCENE.recording.cameras:
         found = with_tracks(own)
-        assert (found.camera, found.remark, found.fault) == (own, None, None)
+        assert (found.camera, found.remarks, found.fault) == (own, (), None)
 
 
 def test_of_few_poses_nothing_is_said():
@@ -100,7 +101,7 @@ def test_of_few_poses_nothing_is_said():
     few = replace(camera, tracks=(camera.tracks[0],))
     short = replace(few, tracks=(replace_rows(few.tracks[0], 20),))
     assert np.isnan(continued_fraction(short))
-    assert with_tracks(short).remark is None
+    assert with_tracks(short).remarks == ()
 
 
 def replace_rows(track, n):

@@ -34,6 +34,11 @@ REJECTIONS = (
         ),
         "normalised: they lie between 0.02 and 1, .* 1280 x 720 .*; multiply those of 0..1 by",
     ),
+    (
+        Rejection(R.SCORES_BELOW_LIMIT, (), 0.12, 0.3),
+        r"above 0.3 \(min_score\), .* is 0.12: .*Scale",
+    ),
+    (Rejection(R.STREAM_FROZEN, (), 0.97, 0.9), "in 97% of its images .*, 90% are .*; check its"),
     (Rejection(R.IDS_ARE_NO_TRACKS, (), 0.33, 0.7), "33% of them go on .*, 70% .* tracking on"),
     (
         Rejection(R.STAMPS_IN_BUNCHES, (), 0.5, 0.25, values=BUNCHES),
@@ -180,6 +185,10 @@ REMARKS = (
         "^a: 12 of 300 images are left out",
     ),
     (
+        Remark(C.PEOPLE_OF_UNUSUAL_SIZE, (), {"ratio": 1.22}),
+        "^by scale.distances, people are 1.22 times as large as adults: check the distances",
+    ),
+    (
         Remark(C.POSES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_poses": 300}),
         "^a: 12 of 300 poses are left out, .* at one place: check",
     ),
@@ -189,6 +198,17 @@ REMARKS = (
         Remark(C.IDS_LINKED, ("a",), {"continued": 0.4, "limit": 0.7, "n_tracks": 5}),
         r"^a: .* no tracks \(40% .*, 70% are needed\): .* to 5 tracks; a tracker",
     ),
+    (Remark(C.SCORES_IN_PERCENT, ("a",), {"largest": 98.0}), "^a: scores go up to 98, .*: give"),
+    (
+        Remark(C.KEYPOINTS_NOT_OBSERVED, ("a",), {"n_points": 320, "x": -1.0, "y": -1.0}),
+        r"^a: 320 keypoints .* exactly at \(-1, -1\), .*: let their",
+    ),
+    (
+        Remark(C.IMAGES_REPEATED, ("a",), {"n_repeated": 5, "n_images": 90, "longest_s": 0.2}),
+        r"^a: 5 of 90 images are left out, .* up to 0.2 s\), .*; check",
+    ),
+    (Remark(C.KEYPOINTS_SWAPPED, ("a",)), "^a: x and y of its keypoints are swapped, .*; give x"),
+    (Remark(C.LAYOUT_MISTAKEN, ("a",), detail="coco_17"), "^a: .* those of coco_17, .*: correct"),
     (
         Remark(C.POSES_RESCALED, ("a",), {"height_m": 1720.0}, "millimetres"),
         "^a: people would be 1720 m tall .* taken as millimetres: convert",

@@ -10,10 +10,10 @@ from stcalib_ros.core.validation.block_contrast import largest_contrast
 TIMES = np.arange(20.0)
 
 
-def found(x, *, information=1.0, least=0.01):
+def found(x, *, information=1.0, least=0.01, one_border=False):
     x = np.asarray(x, dtype=float).reshape(len(TIMES), -1)
     known = np.broadcast_to(np.eye(x.shape[1]) * information, (len(x), x.shape[1], x.shape[1]))
-    return largest_contrast(TIMES, x, known, least_inflation=least)
+    return largest_contrast(TIMES, x, known, least_inflation=least, one_border=one_border)
 
 
 @pytest.mark.parametrize(("first", "last"), [(0, 1), (0, 7), (12, 20), (19, 20), (5, 11)])
@@ -61,6 +61,14 @@ def test_two_steps_are_no_scatter(rng):
     x = 0.1 * rng.standard_normal(20)
     x[8:12] += 5.0
     assert found(x).inflation < 0.05
+
+
+def test_only_what_lasts_to_one_end_if_asked_for(rng):
+    x = 0.1 * rng.standard_normal(20)
+    x[8:12] += 5.0
+    one = found(x, one_border=True)
+    assert one.begin == 0 or one.end == 20
+    assert one.size < 4.0
 
 
 def test_what_is_known_badly_counts_less(rng):

@@ -104,3 +104,29 @@ def test_the_joint_covariance_knows_biases_by_name(leaning):
     assert not joint.stddev("cam0.rotation").any()
     with pytest.raises(KeyError, match="cam7"):
         joint.stddev("cam7.rotation")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_people_of_any_length_do_not_end_it(leaning, seed):
+    """Passers-by, and people in pieces: the thinned rows need not have anybody."""
+    _, stages = leaning
+    last, rng = stages.iterations[-2], np.random.default_rng(seed)
+    obs = last.observations
+    keep = rng.random(len(obs.person)) < 0.9
+    pieces = obs.person.copy()
+    for person in np.unique(obs.person):
+        rows = np.flatnonzero(obs.person == person)
+        cuts = np.sort(rng.choice(len(rows), size=rng.integers(1, 8)))
+        pieces[rows] = 100 * person + np.searchsorted(cuts, np.arange(len(rows)), side="right")
+    for piece in rng.permutation(np.unique(pieces))[::3]:
+        rows = np.flatnonzero(pieces == piece)
+        keep[rows[rng.integers(0, 3) :]] = False
+    rows = np.flatnonzero(keep)
+    cut = replace(
+        last, observations=replace(obs, person=pieces).only(rows), state=last.state.only(rows)
+    )
+    found = refine_keypoint_bias(stages.lifted, cut, stages.skeleton.layout, BundleOptions())
+    assert found is not None
+    assert set(found.persons) <= set(pieces[rows])
+    assert len(found.fit.bias) == len(found.persons)
+    assert found.round.median_px < 1.1 * last.median_px
