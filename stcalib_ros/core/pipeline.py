@@ -174,7 +174,9 @@ def _judged(
         recording, views.lifted, views.skeleton, solution.last, solution.covariance, options
     )
     judgement = judge(views.lifted, views.skeleton, solution, alignment.rejection)
-    judgement = replace(judgement, remarks=(*judgement.remarks, *screened.remarks))
+    judgement = replace(
+        judgement, remarks=(*judgement.remarks, *screened.remarks, *alignment.remarks)
+    )
     calibration = make_calibration(
         recording,
         views.lifted,

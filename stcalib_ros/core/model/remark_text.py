@@ -18,6 +18,10 @@ REMARKS = {
         "everybody stays on one line: people who walk across it would determine more"
     ),
     RemarkCode.RECORD_LONGER: "a clip twice as long would make that about 30 % less",
+    RemarkCode.PEOPLE_OF_UNUSUAL_SIZE: (
+        "by scale.distances, people are {ratio:.2f} times as large as adults: check the distances "
+        "if they are not"
+    ),
     RemarkCode.POSES_LEFT_OUT: (
         "{camera}: {n_left_out:.0f} of {n_poses:.0f} poses are left out, since all of their "
         "keypoints are at one place: check the pose estimator's output"

@@ -11,13 +11,21 @@ from stcalib_ros.core.bundle.covariance import CENTRE_ROWS, largest_stddev, rows
 from stcalib_ros.core.bundle.scaled_system import propagate
 from stcalib_ros.core.geometry.lens import bearings
 from stcalib_ros.core.geometry.triangulation import triangulate, unit_rays
+from stcalib_ros.core.lifting.body_size import pose_size
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.rejection import Remark, RemarkCode
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.scale_cues import Distance
+from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.output.gravity import leg_length
-from stcalib_ros.core.output.limits import MAX_RAY_MISS, MAX_SCALE_SIGMA
+from stcalib_ros.core.output.limits import (
+    MAX_RAY_MISS,
+    MAX_SCALE_SIGMA,
+    MAX_SIZE_RATIO,
+    USUAL_SIZE_RATIO,
+)
 
 LEG_FRACTION = 0.491
 """Length of thigh and shank over body height: 0.245 and 0.246 (Drillis and Contini, 1966)."""
@@ -109,6 +117,47 @@ def by_height(
     return ScaleCue(
         "scale.body_height_m", height_m / height, float(np.hypot(own, _LEG_FRACTION_STDDEV))
     )
+
+
+def compared_with_adults(
+    skeleton: Skeleton, people: Sequence[Float64Array], metres: float
+) -> Remark | None:
+    """Compare the size of people, by a length that was given, with that of adults.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    people : sequence of (K, J, 3) ndarray
+        Joints in the unit of the adjustment; NaN where unknown.
+    metres : float
+        Length of the unit by what was given.
+
+    Returns
+    -------
+    Remark or None
+        Where their size is unusual.
+
+    Raises
+    ------
+    InconsistentScale
+        Hardly anybody is of that size.
+    """
+    body = (skeleton.directions, skeleton.adult_lengths)
+    sizes = [size for joints in people if np.isfinite(size := pose_size(joints, *body))]
+    if not sizes:
+        return None
+    size = metres * float(np.median(sizes))
+    off = abs(np.log(size))
+    if off > np.log(MAX_SIZE_RATIO):
+        raise InconsistentScale(
+            f"by scale.distances, people are {size:.2f} times as large as adults, between "
+            f"{1.0 / MAX_SIZE_RATIO:.2f} and {MAX_SIZE_RATIO:.2f} is the limit: check metres, and "
+            "the cameras or points that they are between; if these are children, give their "
+            "scale.body_height_m"
+        )
+    if off > np.log(USUAL_SIZE_RATIO):
+        return Remark(RemarkCode.PEOPLE_OF_UNUSUAL_SIZE, (), {"ratio": size})
+    return None
 
 
 def by_distance(

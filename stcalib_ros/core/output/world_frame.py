@@ -22,7 +22,7 @@ from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.core.model.rejection import Rejection, RejectionReason
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options
@@ -33,6 +33,7 @@ from stcalib_ros.core.output.scale import (
     ScaleCue,
     by_distance,
     by_height,
+    compared_with_adults,
     fuse,
 )
 from stcalib_ros.core.reconstruction.people import joint_paths
@@ -58,6 +59,8 @@ class WorldAlignment:
         Frame of the result, in the unit of the adjustment; default: that of the reference camera.
     rejection : Rejection, optional
         Why the result is not to be used.
+    remarks : tuple of Remark
+        What is unusual about the scale.
     """
 
     unit: float
@@ -65,6 +68,7 @@ class WorldAlignment:
     scale_stddev: float = float("nan")
     upright: GravityFrame | None = None
     rejection: Rejection | None = None
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def R(self) -> Float64Array:
@@ -133,9 +137,11 @@ def place(
     options : Options
     """
     people = tuple(joint_paths(last))
-    rejection, scale = None, None
+    rejection, scale, remark = None, None, None
     try:
         scale = _scale(recording, cameras, skeleton, last, covariance, people, options)
+        if scale is not None and options.scale.distances and not options.scale.body_height_m > 0:
+            remark = compared_with_adults(skeleton, people, scale.metres)
     except InconsistentScale as why:
         rejection = Rejection(RejectionReason.INCONSISTENT_SCALE, detail=str(why))
     upright = None
@@ -146,7 +152,8 @@ def place(
             rejection = rejection or Rejection(RejectionReason.NO_VERTICAL, detail=why_not)
     if scale is None:
         return WorldAlignment(baseline_unit(last.rig), upright=upright, rejection=rejection)
-    return WorldAlignment(scale.metres, True, scale.stddev, upright, rejection)
+    remarks = () if remark is None else (remark,)
+    return WorldAlignment(scale.metres, True, scale.stddev, upright, rejection, remarks)
 
 
 def baseline_unit(rig: Rig) -> float:

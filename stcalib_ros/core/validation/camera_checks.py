@@ -264,7 +264,7 @@ def check_cameras(
     reach = usual_distances(last)
     bodies = _body_checks(cameras, skeleton, last)
     lookalikes = has_lookalike_alternative(last)
-    against = inconsistencies(cameras, last)
+    against = inconsistencies(cameras, skeleton, last)
     found = []
     for c in range(len(last.rig.cameras)):
         block = covariance[np.ix_(rows_of(c), rows_of(c))]

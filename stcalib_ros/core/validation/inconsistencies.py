@@ -11,7 +11,9 @@ from collections.abc import Callable, Sequence
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rejection import Rejection
+from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.validation.lens_checks import lens_faults
+from stcalib_ros.core.validation.pair_lens import pair_lens_faults
 from stcalib_ros.core.validation.steadiness import unsteady_cameras
 
 Test = Callable[[Sequence[LiftedCamera], Iteration], Sequence[Rejection | None]]
@@ -21,7 +23,7 @@ _TESTS: tuple[Test, ...] = (lens_faults, unsteady_cameras)
 
 
 def inconsistencies(
-    cameras: Sequence[LiftedCamera], last: Iteration
+    cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration
 ) -> tuple[tuple[Rejection, ...], ...]:
     """Return what is wrong with the input of every camera of a rig, the clearest first.
 
@@ -29,9 +31,11 @@ def inconsistencies(
     ----------
     cameras : sequence of LiftedCamera
         All cameras.
+    skeleton : Skeleton
     last : Iteration
     """
     results = [test(cameras, last) for test in _TESTS]
+    results.append(pair_lens_faults(cameras, skeleton, last))
     found = [
         [one for result in results if (one := result[c]) is not None]
         for c in range(len(last.rig.cameras))

@@ -185,6 +185,10 @@ REMARKS = (
         "^a: 12 of 300 images are left out",
     ),
     (
+        Remark(C.PEOPLE_OF_UNUSUAL_SIZE, (), {"ratio": 1.22}),
+        "^by scale.distances, people are 1.22 times as large as adults: check the distances",
+    ),
+    (
         Remark(C.POSES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_poses": 300}),
         "^a: 12 of 300 poses are left out, .* at one place: check",
     ),

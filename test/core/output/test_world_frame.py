@@ -12,7 +12,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.so3 import exp_so3, log_so3
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.recording import keypoints_only
-from stcalib_ros.core.model.rejection import RejectionReason
+from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.scale_cues import Distance
 from stcalib_ros.core.options import ScaleOptions
@@ -73,11 +73,40 @@ def test_cameras_without_3d_poses_claim_no_metres(small_scene, plain):
 
 
 def test_metric_poses_that_contradict_what_was_measured_are_not_believed(small_scene):
-    metres = 5.0 * baseline(small_scene, "cam0", "cam1")
+    metres = 1.2 * baseline(small_scene, "cam0", "cam1")
+    distance = Distance(metres, 0.001 * metres, cameras=("cam0", "cam1"))
+    result = calibrate(small_scene.recording, with_scale(distances=(distance,), poses_sigma=0.01))
+    assert result.status is Status.OK
+    assert error(result, small_scene.truth).scale == pytest.approx(1.2, rel=0.01)
+
+
+@pytest.mark.parametrize("factor", [3.4, 0.5])
+def test_a_distance_that_contradicts_the_size_of_people_is_refused(small_scene, factor):
+    """Also where 3D poses that are metric, and then not believed, say the same."""
+    metres = factor * baseline(small_scene, "cam0", "cam1")
     distance = Distance(metres, 0.001 * metres, cameras=("cam0", "cam1"))
     result = calibrate(small_scene.recording, with_scale(distances=(distance,)))
+    assert result.status is Status.DEGENERATE
+    (inconsistent,) = result.rejections
+    assert inconsistent.reason is RejectionReason.INCONSISTENT_SCALE
+    assert "times as large as adults" in inconsistent.detail
+
+
+def test_people_of_unusual_size_are_remarked_on(plain, small_scene):
+    metres = 1.22 * baseline(small_scene, "cam0", "cam1")
+    distance = Distance(metres, 0.001 * metres, cameras=("cam0", "cam1"))
+    result = calibrate(plain, with_scale(distances=(distance,)))
     assert result.status is Status.OK
-    assert error(result, small_scene.truth).scale == pytest.approx(5.0)
+    codes = [remark.code for remark in result.remarks]
+    assert RemarkCode.PEOPLE_OF_UNUSUAL_SIZE in codes
+
+
+def test_children_whose_height_is_given_may_be_small(plain, small_scene):
+    metres = 0.6 * baseline(small_scene, "cam0", "cam1")
+    distance = Distance(metres, 0.01 * metres, cameras=("cam0", "cam1"))
+    result = calibrate(plain, with_scale(distances=(distance,), body_height_m=1.72 * 0.6))
+    assert result.status is Status.OK
+    assert error(result, small_scene.truth).scale == pytest.approx(0.6, rel=0.05)
 
 
 def test_measurements_that_contradict_each_other_are_refused(plain):
