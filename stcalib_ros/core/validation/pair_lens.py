@@ -22,6 +22,7 @@ from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.validation.limb_lengths import limb_variations
+from stcalib_ros.core.validation.thresholds import DEFAULT
 
 _PAIR = 2
 """Count of cameras that cannot be compared with people whom two others see. By definition."""
@@ -36,11 +37,11 @@ _MIN_VARIATION = 0.018
 """Ratio of lengths, RMS. With limbs that vary less nothing is tried. Measured: 0.000 on half of the
 good simulated pairs, 0.02 to 0.09 with keypoint bias and on real ones; 0.022 to 0.12 where one or
 both images are of another size, or a focal length is 20 % off."""
-_MAX_LEFT = 0.6
-"""Ratio of variations. Another size has to leave less of the variation. Measured: 0.00 to 0.35 of
-images of 1/2, 2/3, 3/4 and of a focal length that is 20 % off, 0.5 and 0.7 of a K with 3/4 of the
-focal length; of right lenses 0.92 and more where a calibration is good, 0.64 and more where it is
-refused for other reasons."""
+_MAX_LEFT, _MAX_LEFT_IF_REFUSED = 0.8, 0.6
+"""Ratios of variations. Another size has to leave less of the variation; the second where outliers
+or limbs speak against the pair anyway, as they do for other reasons. Measured: 0.00 to 0.73 of images
+of 1/2, 2/3, 3/4 and of focal lengths that are 20 % off; of right lenses 0.9 and more where a
+calibration is good, 0.64 and more on real pairs that are refused."""
 
 
 class _Trial(NamedTuple):
@@ -73,12 +74,21 @@ def pair_lens_faults(
     if not given > _MIN_VARIATION:
         return nothing
     best = min(_trials(skeleton, part, lenses), key=lambda trial: trial.variation)
-    if not best.variation < _MAX_LEFT * given:
+    most = _MAX_LEFT_IF_REFUSED if _is_refused(last, given) else _MAX_LEFT
+    if not best.variation < most * given:
         return nothing
     return tuple(
         _rejection(best.scale, lens, given) if c in best.cameras else None
         for c, lens in enumerate(lenses)
     )
+
+
+def _is_refused(last: Iteration, variation: float) -> bool:
+    """Whether limbs or outliers are enough to refuse the pair."""
+    observed = last.observations.observed.sum((0, 2))
+    fraction = last.state.inlier.sum((0, 2)) / np.maximum(observed, 1)
+    few = float(fraction.min()) < DEFAULT.min_inlier_fraction
+    return few or variation >= DEFAULT.max_limb_variation
 
 
 def _part(last: Iteration) -> Iteration:
