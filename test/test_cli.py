@@ -16,15 +16,16 @@ import pytest
 from exclusion_helpers import left_out
 
 import stcalib_ros
-from stcalib_ros.cli import main
+from stcalib_ros.cli import main, run_command
 from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text
-from stcalib_ros.core.errors import CalibrationError, Cancelled
+from stcalib_ros.core.errors import CalibrationError, Cancelled, InputError
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
 from stcalib_ros.core.model.skeleton import common_skeleton
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.stages import Stages
+from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.results import read_result, write_result
 
@@ -346,3 +347,45 @@ def test_text_without_scale_and_with_drift() -> None:
     assert "-317.00 ms +- 0.00, +25.00 ppm\n" in text
     assert "nan" not in text.split("\n\n")[1]
     assert "distances between the first two cameras" in text
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (OSError(28, "No space left on device"), "[Errno 28] No space left on device"),
+        (
+            PermissionError(13, "Permission denied", "/a\x1b[31m"),
+            "Permission denied: '/a\\x1b[31m'",
+        ),
+        (MemoryError(), "out of memory: use a shorter part of the data"),
+        (InputError("a\x1b[31mb\nc"), "stcalib: a?[31mb?c"),
+        (InputError("x" * 10_000), "x..."),
+    ],
+)
+def test_every_error_is_one_printable_line(
+    error: Exception, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail() -> None:
+        raise error
+
+    assert run_command("stcalib", fail) == 2
+    printed = capsys.readouterr().err
+    assert said in printed
+    assert printed.count("\n") == 1
+    assert len(printed) < 5100
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_full_disk_below_standard_output(tmp_path: Path) -> None:
+    truth = str(tmp_path / "truth.yaml")
+    write_result(simulate(SceneOptions(n_cameras=2, n_frames=4)).truth, truth)
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "stcalib_ros", "evaluate", truth, "--truth", truth],
+            cwd=Path(__file__).parents[1],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (2, "stcalib: [Errno 28] No space left on device\n")
