@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from benchmarks.field.bags import BAGS
-from benchmarks.field.case import Answer, Member
+from benchmarks.field.case import CODES, Answer, Member
 from benchmarks.field.clocks import CLOCKS
 from benchmarks.field.inputs import INPUTS
 from benchmarks.field.judge import INPUT_ERROR, Finding, judge
@@ -84,7 +84,7 @@ def run(number: int, seed: int) -> Finding:
         with tempfile.TemporaryDirectory() as folder:
             write = member.door or _as_usual
             recording = read_bag(write(case.recording, Path(folder)), warn=_ignore)
-        return judge(case, calibrate(recording, case.options))
+        return judge(case, calibrate(recording, case.options), CODES[member.kind])
     except InputError as error:
         return Finding(Answer.REFUSED, said=f"{INPUT_ERROR}: {error}")
     except (CalibrationError, MemoryError, TimeoutError) as error:

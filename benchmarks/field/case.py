@@ -32,6 +32,43 @@ SOUND = frozenset({Answer.GOOD})
 NAMED = frozenset({Answer.GOOD, Answer.ONE_SIDE, Answer.LEFT_OUT, Answer.REFUSED})
 """Any answer is right that is true and names what is wrong."""
 
+CODES: Mapping[str, frozenset[str]] = {
+    "A": frozenset({"CLOCK_NOT_STEADY", "CLOCK_EPOCH_DIFFERS", "PART_DISAGREES", "STAMPS_JUMP"}),
+    "B": frozenset(
+        {
+            "FOCAL_LENGTH_ABSURD",
+            "PRINCIPAL_POINT_OFF_CENTRE",
+            "KEYPOINTS_OUTSIDE_IMAGE",
+            "KEYPOINTS_IN_CORNER",
+            "IMAGE_RESIZED",
+            "IMAGE_TURNED",
+            "DISTORTION_DISAGREES",
+        }
+    ),
+    "C": frozenset({"POSE_CHANGED", "PART_DISAGREES"}),
+    "D": frozenset({"POSES_RESCALED", "POSES_NOT_METRIC", "INCONSISTENT_SCALE"}),
+    "E": frozenset({"ROTATION_UNCERTAIN", "POSITION_UNCERTAIN", "OFFSET_UNCERTAIN", "NO_PARALLAX"}),
+    "F": frozenset(
+        {
+            "IDS_ARE_NO_TRACKS",
+            "IDS_LINKED",
+            "IMAGES_REPEATED",
+            "MIRRORED_VIEW",
+            "STREAM_FROZEN",
+            "KEYPOINTS_NOT_OBSERVED",
+            "KEYPOINTS_SWAPPED",
+            "POSES_IN_OTHER_AXES",
+            "POSES_WITH_SIDES_EXCHANGED",
+            "SCORES_BELOW_LIMIT",
+            "SCORES_IN_PERCENT",
+        }
+    ),
+    "G": frozenset({"STAMPS_EVENED", "STAMPS_IN_BUNCHES", "IMAGES_LEFT_OUT", "CLOCK_NOT_STEADY"}),
+    "H": frozenset(),
+    "-": frozenset(),
+}
+"""Codes of reasons and remarks that name what is wrong, by the kind of recording."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from benchmarks.field.case import Answer, Case
 from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
+from stcalib_ros.core.model.rejection import RemarkCode
 
 MAX_OFFSET_FRAMES = 0.5
 """Frames. A corrected stamp that is further from the true time than this is wrong. From the
@@ -31,6 +33,8 @@ MIN_SIDE = 0.3
 """Fraction of the images of a camera whose stamps are right, of a calibration that says that it
 holds for one side of a change only. Chosen: changes of the cases are in the middle half."""
 
+_USUAL = {"LEAST_CONSTRAINED_CAMERA", "SHARE_MORE_VIEW", "MOVE_FASTER", "RECORD_LONGER"}
+"""Remarks that good recordings have, too."""
 INPUT_ERROR = "INPUT_ERROR"
 """Code of a recording that was refused while it was read."""
 
@@ -65,37 +69,39 @@ class Finding:
     said: str = ""
 
 
-def judge(case: Case, found: Calibration) -> Finding:
+def judge(case: Case, found: Calibration, codes: Collection[str]) -> Finding:
     """Compare a calibration with the truth.
 
     Parameters
     ----------
     case : Case
     found : Calibration
+    codes : collection of str
+        Codes of reasons and remarks that name what is wrong.
 
     Returns
     -------
     Finding
         ``WRONG`` only for a calibration that may be used, and is not what it says.
     """
-    named = _named(found)
-    said = f"{found.status.name}: {', '.join(sorted(_codes(found)))}"
+    said = f"{found.status.name}: {', '.join(sorted(_said(found)))}"
+    named = {name for code, names in _said(found).items() if code in codes for name in names}
     is_named = bool(case.faulty & named) or not case.faulty
     if found.status is not Status.OK:
-        everything = any(not rejection.cameras for rejection in found.rejections)
-        return Finding(Answer.REFUSED if is_named or everything else Answer.UNNAMED, said=f"{said}")
+        of_all = any(not r.cameras and r.reason.value in codes for r in found.rejections)
+        is_named = bool(case.faulty & named) or of_all or (not case.faulty and bool(named))
+        return Finding(Answer.REFUSED if is_named else Answer.UNNAMED, said=said)
     errors = min((_pose_errors(found, truth) for truth in case.truths), key=lambda e: e[0])
     clocks = {c.name: _stamp_errors(case, found, c) for c in found.cameras}
     frames = {name: np.abs(e) / _period(case, name) for name, e in clocks.items()}
     scale = _scale(found, case.truths[0]) if case.metres_known and found.metric else float("nan")
-    answer = _answer(case, found, errors, frames, scale, is_named=is_named)
+    answer = _answer(case, errors, frames, scale, is_named=is_named)
     worst_ms = 1e3 * max(float(np.abs(e).max()) for e in clocks.values())
     return Finding(answer, *errors, worst_ms, scale, said)
 
 
 def _answer(
     case: Case,
-    found: Calibration,
     errors: tuple[float, float, float],
     frames: dict[str, Float64Array],
     scale: float,
@@ -117,23 +123,19 @@ def _answer(
     one_side = all(
         share >= (MIN_SIDE if name in case.faulty else MIN_TIMED) for name, share in right.items()
     )
-    said_so = is_named and bool(case.faulty & {n for r in found.remarks for n in r.cameras})
-    if posed and honest and sized and one_side and said_so:
+    if posed and honest and sized and one_side and is_named and case.faulty:
         return Answer.ONE_SIDE
     return Answer.WRONG
 
 
-def _codes(found: Calibration) -> set[str]:
-    remarks = (remark.code.value for remark in found.remarks if remark.cameras)
-    return {rejection.reason.value for rejection in found.reasons} | set(remarks)
-
-
-def _named(found: Calibration) -> set[str]:
-    """Return the cameras that any reason or remark names, usual remarks aside."""
-    usual = {"LEAST_CONSTRAINED_CAMERA", "SHARE_MORE_VIEW", "MOVE_FASTER"}
-    reasons = {name for rejection in found.reasons for name in rejection.cameras}
-    remarks = [remark for remark in found.remarks if remark.code.value not in usual]
-    return reasons | {name for remark in remarks for name in remark.cameras}
+def _said(found: Calibration) -> dict[str, set[str]]:
+    """Return the codes of all reasons and remarks, with the cameras that they name."""
+    said: dict[str, set[str]] = {}
+    for rejection in found.reasons:
+        said.setdefault(rejection.reason.value, set()).update(rejection.cameras)
+    for remark in found.remarks:
+        said.setdefault(remark.code.value, set()).update(remark.cameras)
+    return {code: names for code, names in said.items() if code not in _USUAL}
 
 
 def _pose_errors(found: Calibration, truth: Calibration) -> tuple[float, float, float]:
@@ -163,7 +165,14 @@ def _clock_error(case: Case, found: Calibration, camera: CameraCalibration) -> F
     stamps = case.camera(camera.name).stamps
     since = stamps + (case.recording.epoch_ns * 1e-9 - found.epoch_s)
     corrected = stamps + camera.time_offset_s + camera.clock_skew * since
-    return np.asarray(corrected - case.times_s[camera.name])
+    error: Float64Array = np.asarray(corrected - case.times_s[camera.name])
+    # Of stamps that are said to come in bunches, the offset is said to hold on average.
+    return np.full_like(error, error.mean()) if _is_evened(found, camera.name) else error
+
+
+def _is_evened(found: Calibration, name: str) -> bool:
+    evened = (r.cameras for r in found.remarks if r.code is RemarkCode.STAMPS_EVENED)
+    return any(name in cameras for cameras in evened)
 
 
 def _period(case: Case, name: str) -> float:

@@ -13,7 +13,7 @@ from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
 from stcalib_ros.io.bag_files import bag_files
 from stcalib_ros.io.bag_records import RawMessage, TopicSchema
-from stcalib_ros.io.bag_source import raw_messages, topic_schemas
+from stcalib_ros.io.bag_source import one_line, raw_messages, topic_schemas
 from stcalib_ros.io.limits import MAX_UNSTAMPED
 from stcalib_ros.io.message_types import Content, decode, decode_whole, types_of
 from stcalib_ros.io.messages import (
@@ -198,7 +198,7 @@ class _Contents:
         except Exception as error:  # whatever a decoder says about damaged bytes
             raise InputError(
                 f"{raw.topic}: the message logged at {format_stamp(raw.log_time)} cannot be "
-                f"decoded as {raw.type_name} ({type(error).__name__}: {error})"
+                f"decoded as {' '.join(raw.type_name.split())} ({one_line(error)})"
             ) from error
 
     def _take_info(self, raw: RawMessage, info: CameraInfoFields) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from stcalib_ros.core.errors import InputError, StcalibError
 from stcalib_ros.io.bag_records import RawMessage, TopicSchema
+from stcalib_ros.io.limits import MAX_QUOTED
 from stcalib_ros.io.mcap_source import MCAP_MAGIC, McapSource
 from stcalib_ros.io.sqlite_source import SQLITE_MAGIC, SqliteSource
 from stcalib_ros.io.unpacking import unpacked_file, unpacked_message
@@ -60,6 +61,18 @@ def raw_messages(
         before += size
 
 
+def one_line(error: Exception) -> str:
+    """Type and text of an error that others made, as one line: it may quote what it read.
+
+    Examples
+    --------
+    >>> one_line(ValueError(" no such   thing"))
+    'ValueError: no such thing'
+    """
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text[:MAX_QUOTED]}"
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[McapSource | SqliteSource]:
     """Open a file by what it begins with; what goes wrong inside is an InputError."""
@@ -74,7 +87,7 @@ def _opened(path: Path) -> Iterator[McapSource | SqliteSource]:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except Exception as error:  # whatever a parser or a decompressor says about damaged bytes
-        raise InputError(f"{path} is damaged ({type(error).__name__}: {error}){recover}") from error
+        raise InputError(f"{path} is damaged ({one_line(error)}){recover}") from error
 
 
 def _kind_of(path: Path, unpacked: Path) -> tuple[type[McapSource | SqliteSource], str]:

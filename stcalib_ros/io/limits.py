@@ -134,3 +134,6 @@ the recording is refused; fewer are those before the first /clock. Chosen."""
 MAX_PADDING_BYTES = 7
 """Bytes. So many may follow the last field of a message: CDR pads to 4, some writers to 8. By
 definition of the encodings."""
+
+MAX_QUOTED = 200
+"""Characters of the text of an error that others made; the rest is what they have read. Chosen."""

@@ -21,7 +21,7 @@ from rclpy.task import Future
 
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
-from stcalib_ros.core.monitoring.alarms import Verdict
+from stcalib_ros.core.monitoring.alarms import State, Verdict
 from stcalib_ros.core.monitoring.replacement import should_replace
 from stcalib_ros.io.history import History
 from stcalib_ros.io.stamps import SAME_CLOCK
@@ -279,9 +279,9 @@ class Calibrator:
             self._trigger = Trigger()
             self.log.error(f"{verdict.sentence()}; calibrating again as soon as people have moved")
         else:
+            undo = "" if verdict.state is State.DRIFTED else "undo the change, or "
             self.log.error(
-                f"{verdict.sentence()}; undo the change, or let people walk and call "
-                "~/recalibrate_now"
+                f"{verdict.sentence()}; {undo}let people walk and call ~/recalibrate_now"
             )
 
     def _consider(self) -> None:

@@ -130,8 +130,12 @@ class Iteration:
         )
 
     def rms_px(self) -> float:
-        """Root mean square reprojection error of the inliers, px; NaN if there is none."""
-        errors = errors_px(self.observations, self.state)[self.state.inlier]
+        """Root mean square reprojection error of the inliers, px; NaN if there is none.
+
+        A point without parallax may come to lie behind a camera: it has no error.
+        """
+        errors = errors_px(self.observations, self.state)
+        errors = errors[self.state.inlier & np.isfinite(errors)]
         return float(np.sqrt((errors**2).mean())) if len(errors) else float("nan")
 
     def fit(self, scale_px: float) -> float:

@@ -20,7 +20,7 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.recording import CameraRecording, Track
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
 
-_MAX_POINTS = 5000
+_MAX_POINTS = 10_000
 """Keypoints of a camera among which values that repeat are looked for, about. Numerical: bounds
 the cost."""
 _PERCENT = 100.0
@@ -85,7 +85,7 @@ def _repeated_places(camera: CameraRecording) -> list[tuple[float, float]]:
     N, J = points.shape[:2]
     joint = np.broadcast_to(np.arange(J), (N, J))[known := np.isfinite(points).all(-1)]
     places, index, counts = np.unique(
-        points[known] @ np.array([1.0, 1.0j]), return_inverse=True, return_counts=True
+        points[known][:, 0] + 1j * points[known][:, 1], return_inverse=True, return_counts=True
     )
     found = []
     for k in np.flatnonzero(counts >= MIN_REPEATED_VALUE * len(index)):

@@ -135,8 +135,8 @@ class Verdict:
             State.CLOCK: f"the clock of {who} has {jumped} ({residuals})",
             State.DRIFTED: (
                 f"the clock of {who} has drifted {advance} ({residuals}): its rate is not known "
-                "well enough; synchronise the clocks by NTP or PTP, or calibrate from a minute or "
-                "more of people, by which rates are estimated"
+                "well enough (synchronise the clocks by NTP or PTP, or calibrate from a minute or "
+                "more of people, by which rates are estimated)"
             ),
             State.BOTH: (
                 f"{who} has moved, as if {turned}, and its clock has {jumped} ({residuals})"

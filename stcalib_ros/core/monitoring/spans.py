@@ -88,17 +88,15 @@ def check_span(
     if (obs := associate_span(recording, calibration, min_score=min_score)) is not None:
         usual = noise.px(obs.names)
         findings = _findings(obs, usual)
-        noise = noise.after(obs.names, _left_px(obs.names, findings))
         for _ in range(_REFINEMENTS):
             changes = _worth_correcting(findings)
             if not changes:
                 break
             better = with_changes(calibration, changes, obs.metres_per_unit)
             again = associate_span(recording, better, min_score=min_score)
-            if again is None or not _refine(
-                findings, _findings(again, noise.px(again.names)), changes
-            ):
+            if again is None or not _refine(findings, _findings(again, usual), changes):
                 break
+        noise = noise.after(obs.names, _left_px(obs.names, findings))
     return Span(start_s, end_s, findings, dict(lead_s or {}), noise)
 
 

@@ -62,8 +62,7 @@ def make_calibration(
     order = np.argsort(rig.cameras, kind="stable")
     since_s = _epoch_since_s(cameras, last)
     covariance = _published(placement.covariance_of(rig, covariance), order, last, since_s)
-    errors = errors_px(obs, last.state)
-    inliers = errors[last.state.inlier & np.isfinite(errors)]
+    inliers = last.state.inlier & np.isfinite(errors_px(obs, last.state))
     names = [recording.cameras[c].name for c in rig.cameras[order]]
     return Calibration(
         status=judgement.status,
@@ -78,9 +77,9 @@ def make_calibration(
         uncalibrated=tuple(uncalibrated),
         persons=tuple(person for _, person in found_persons(cameras, last)),
         pairs=pair_residuals(cameras, skeleton, last),
-        reprojection_rms_px=float(np.sqrt((inliers**2).mean())),
+        reprojection_rms_px=last.rms_px(),
         n_observations=int(obs.observed.sum()),
-        n_inliers=len(inliers),
+        n_inliers=int(inliers.sum()),
         frame_id="" if placement.upright is None else world_frame,
         scale_stddev=placement.scale_stddev,
         joint_covariance=covariance,

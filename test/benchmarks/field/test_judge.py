@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks.field.__main__ import MEMBERS
+from benchmarks.field.case import CODES as CODES_OF_KINDS
 from benchmarks.field.case import NAMED, Answer, Case, simulated
 from benchmarks.field.changes import turned, with_stamps
-from benchmarks.field.judge import judge
+from benchmarks.field.judge import Finding
+from benchmarks.field.judge import judge as judge_by_codes
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.calibration import Calibration, Status, UncalibratedCamera
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
@@ -18,6 +20,13 @@ from stcalib_ros.core.synthetic import SceneOptions
 @pytest.fixture(scope="module")
 def case() -> Case:
     return simulated(SceneOptions(n_cameras=3, n_people=1, n_frames=60, seed=5))
+
+
+CODES = {"DISCONNECTED", "BONES_DISAGREE", "POSES_LEFT_OUT"}
+
+
+def judge(case: Case, found: Calibration) -> Finding:
+    return judge_by_codes(case, found, CODES)
 
 
 def _said(truth: Calibration) -> Calibration:
@@ -68,6 +77,14 @@ def test_a_refusal_has_to_name_the_camera_that_is_faulty(case):
         assert judge(faulty, refused).answer is answer
 
 
+def test_another_reason_does_not_name_what_is_wrong(case):
+    faulty = with_stamps(case, "cam1", case.camera("cam1").stamps.copy())
+    why = Rejection(RejectionReason.LIMBS_DISAGREE, ("cam1",), 0.2, 0.1)
+    refused = replace(case.truths[0], status=Status.DEGENERATE, rejections=(why,))
+    assert judge(faulty, refused).answer is Answer.UNNAMED
+    assert judge_by_codes(faulty, refused, {"LIMBS_DISAGREE"}).answer is Answer.REFUSED
+
+
 def test_after_a_step_one_side_is_right_if_that_is_said(case):
     stamps = case.camera("cam1").stamps.copy()
     stamps[30:] += 0.1
@@ -105,4 +122,6 @@ def test_there_are_forty_members_and_more_of_every_kind():
     assert len(MEMBERS) >= 40
     assert {member.kind for member in MEMBERS} >= set("ABCDEFGH")
     assert len({member.name for member in MEMBERS}) == len(MEMBERS)
+    known = {code.value for code in (*RejectionReason, *RemarkCode)}
+    assert set().union(*CODES_OF_KINDS.values()) <= known
     assert all(Answer.WRONG not in member.right and member.right <= NAMED for member in MEMBERS)
