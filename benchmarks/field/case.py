@@ -53,6 +53,7 @@ CODES: Mapping[str, frozenset[str]] = {
             "IDS_ARE_NO_TRACKS",
             "IDS_LINKED",
             "IMAGES_REPEATED",
+            "MIRRORED_VIEW",
             "STREAM_FROZEN",
             "KEYPOINTS_NOT_OBSERVED",
             "KEYPOINTS_SWAPPED",

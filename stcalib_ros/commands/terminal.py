@@ -8,6 +8,7 @@ from typing import TextIO
 
 import numpy as np
 
+from stcalib_ros.core.errors import one_line
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
@@ -23,13 +24,16 @@ from stcalib_ros.wording import (
     scale_text,
 )
 
+_MAX_WARNING = 5000
+"""Characters. A warning is cut here, and what cannot be printed is not: data may have anything."""
+
 _BAR = 24
 """Characters. Width of the progress bar."""
 
 
 def warn(message: str) -> None:
     """Print a warning."""
-    print(f"stcalib: warning: {message}", file=sys.stderr)
+    print(f"stcalib: warning: {one_line(message, _MAX_WARNING)}", file=sys.stderr)
 
 
 class ProgressPrinter:

@@ -18,13 +18,15 @@ from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, la
 from stcalib_ros.core.lifting.views import LiftedViews
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Insufficient
-from stcalib_ros.core.model.rejection import RejectionReason
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.rig import Rig, sub_rig
 from stcalib_ros.core.options import Options
+from stcalib_ros.core.reconstruction.mirrored_view import mirrored_view
 from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, resect
 from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.registration.resampling import Grid
 from stcalib_ros.core.validation.camera_checks import CameraChecks, check_cameras, rejection
+from stcalib_ros.core.validation.inconsistencies import inconsistencies
 from stcalib_ros.core.validation.thresholds import DEFAULT
 from stcalib_ros.core.validation.verdict import Solution, rival_solution, unsettled_cameras
 
@@ -92,15 +94,29 @@ def adjust_rigs(
     start, rival = select_initial_rig(rigs, adjust, exclusions, problem.control.tick)
     if rival is None:
         return _reinstate_excluded(problem, _exclude_unreliable(problem, start))
-    found = rival_solution(start.iteration, rival, offset_range_s=problem.options.offset_range_s)
+    rivalry = rival_solution(start.iteration, rival, offset_range_s=problem.options.offset_range_s)
     step_s = start.iteration.observations.step_s
     disputed = start.iteration.differing(rival, OTHER_OFFSET_FRAMES * step_s).tolist()
     rest = [sub for rig in rigs if (sub := _without(rig, disputed)) is not None]
     if not rest or _without(start.iteration.rig, disputed) is None:
-        return replace(_solve(problem, start), rival=found)
+        return replace(_solve(problem, start), rival=rivalry)
     names = tuple(problem.exclusions.names[c] for c in disputed)
-    left_out = start.exclusions.adding(disputed, replace(found, cameras=names))
-    return adjust_rigs(problem, rest, left_out)
+    left_out = start.exclusions.adding(disputed, replace(rivalry, cameras=names))
+    return adjust_rigs(problem, rest, _name_faults(problem, start.iteration, left_out))
+
+
+def _name_faults(problem: CalibrationProblem, last: Iteration, left_out: Exclusions) -> Exclusions:
+    """Name what is wrong with the input of cameras that are left out, where their residuals say.
+
+    A clock that changes fits one solution before, and another one after.
+    """
+    faults = inconsistencies(problem.views.lifted, problem.views.skeleton, last)
+    named = {
+        c: replace(found[0], cameras=(problem.exclusions.names[c],))
+        for c, found in zip(last.rig.cameras.tolist(), faults, strict=True)
+        if found
+    }
+    return left_out.because(named)
 
 
 def _without(rig: Rig, cameras: Sequence[int]) -> Rig | None:
@@ -188,7 +204,7 @@ def check_solution(
 
 def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
     """Solve, and again without the least reliable camera while fewer than half fail the checks."""
-    found = _solve(problem, start)
+    found = _without_mirrored(problem, _solve(problem, start))
     for _ in range(len(start.iteration.rig.cameras)):
         rig, names = found.last.rig, problem.exclusions.names
         failed = {
@@ -207,6 +223,23 @@ def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
     return found
 
 
+def _without_mirrored(problem: CalibrationProblem, found: Solution) -> Solution:
+    """Leave out cameras that agree with the others for a moment, and in a mirror all the time."""
+    rig, views = found.last.rig, problem.views
+    mirrored: dict[int, Rejection] = {}
+    for c, checks in zip(rig.cameras.tolist(), found.checks, strict=True):
+        if checks.explained_fraction < DEFAULT.min_explained_fraction:
+            why = mirrored_view(views.lifted, c, views.skeleton, found.last, problem.options)
+            mirrored |= {} if why is None else {c: why}
+    rest = _without(rig, list(mirrored))
+    if not mirrored or rest is None:
+        return found
+    exclusions = found.exclusions
+    for c, why in mirrored.items():
+        exclusions = exclusions.adding([c], why)
+    return _solve(problem, _adjust_initially(problem, rest, exclusions))
+
+
 def _reliability(checks: CameraChecks) -> tuple[float, int]:
     """Order cameras that fail: first those whose own input is wrong, by how far beyond the limit.
 
@@ -223,11 +256,16 @@ def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Soluti
     views, present = problem.views, before.last.rig.cameras.tolist()
     unsteady = {one.name for one in before.exclusions.cameras if one.rejection.reason in _UNSTEADY}
     found: dict[int, Resection] = {}
+    mirrored: dict[int, Rejection] = {}
     for c in problem.cameras:
         if c not in present and problem.exclusions.names[c] not in unsteady:
             problem.control.tick("registration of a camera that was left out", 0.0)
-            one = resect(views.lifted, c, views.skeleton, before.last, problem.options)
-            found |= {} if one is None else {c: one}
+            task = (views.lifted, c, views.skeleton, before.last, problem.options)
+            if (one := resect(*task)) is not None:
+                found[c] = one
+            elif (why := mirrored_view(*task)) is not None:
+                mirrored[c] = why
+    before = replace(before, exclusions=before.exclusions.because(mirrored))
     if not found:
         return before
     rig = add_cameras(before.last.rig, found, problem.cameras)

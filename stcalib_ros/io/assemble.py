@@ -20,6 +20,7 @@ from stcalib_ros.io.messages import (
     format_stamp,
     lens,
 )
+from stcalib_ros.io.plausible import require_name
 
 Warn = Callable[[str], None]
 
@@ -79,8 +80,11 @@ def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
         warn(f"{camera.pose_topic}: {n_infinite} infinite values taken as not observed")
     stamps_ns = np.array([image.stamp_ns - epoch_ns for image in images], dtype=np.int64)
     return CameraRecording(
-        name=camera.name,
-        frame_id=camera.frame_id or first.frame_id or f"{camera.name}_optical_frame",
+        name=require_name(camera.name, f"{camera.pose_topic}: camera"),
+        frame_id=require_name(
+            camera.frame_id or first.frame_id or f"{camera.name}_optical_frame",
+            f"{camera.pose_topic}: frame_id",
+        ),
         intrinsics=lens(camera.info, rectified=first.rectified, topic=camera.info_topic),
         layout=first.layout,
         stamps=stamps_ns / NS,

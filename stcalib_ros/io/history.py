@@ -169,8 +169,9 @@ class History:
             sweep(path.parent)
             if not path.exists() and sum(1 for _ in path.parent.iterdir()) >= MAX_FILES:
                 raise InputError(f"{path.parent} has {MAX_FILES} files already; remove some")
-        except OSError as error:
-            raise InputError(f"cannot write {name!r}: {error.strerror}") from error
+        except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
+            problem = getattr(error, "strerror", error)
+            raise InputError(f"cannot write {name!r}: {problem}") from error
         write_text(path, result_text(calibration))
         return path
 

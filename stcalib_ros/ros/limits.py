@@ -152,6 +152,10 @@ SOLVER_MB = 1000
 the run fails and says so. Simulated runs take 60 MB (4 cameras, 3 people, 10 s), 150 MB (8 cameras,
 5 people, 30 s), 170 MB (3 cameras, 12 people, 30 s): measured as the growth of VmData."""
 
+PAIR_MB = 4
+"""Megabytes. What each pair of cameras adds to `SOLVER_MB`, so that large rigs are not refused: 12
+cameras and 6 people took 245 MB in 30 s, 3.7 MB for each of their 66 pairs."""
+
 STOP_S = 1.0
 """Seconds. A run is given this long to end when the node stops; then the process leaves it. Below
 the 5 s that launch waits between SIGINT and SIGTERM."""

@@ -7,6 +7,7 @@ takes nothing with it if memory runs out.
 
 from __future__ import annotations
 
+import math
 import os
 import resource
 import signal
@@ -24,7 +25,7 @@ from stcalib_ros.core.errors import Cancelled, StcalibError
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.options import Options
 from stcalib_ros.io.assemble import CameraImages, assemble_recording
-from stcalib_ros.ros.limits import SOLVER_MB
+from stcalib_ros.ros.limits import PAIR_MB, SOLVER_MB
 from stcalib_ros.threads import use_one_thread
 
 _POLL_S = 0.05
@@ -45,7 +46,7 @@ def calibrate_in_subprocess(
     options: Options,
     *,
     cancelled: Callable[[], bool],
-    memory_mb: float = SOLVER_MB,
+    memory_mb: float | None = None,
     **listeners: Callable[..., None],
 ) -> Calibration:
     """Assemble what arrived of the cameras and calibrate, in a process of its own.
@@ -58,7 +59,8 @@ def calibrate_in_subprocess(
     cancelled : callable
         Polled every `_POLL_S`; the process is killed when it returns true.
     memory_mb : float
-        Memory that the process may take beside the images.
+        Memory that the process may take beside the images; None: `SOLVER_MB`, and `PAIR_MB` for
+        each pair of cameras.
     **listeners : callable
         ``warn`` of `assemble_recording`, and any of `calibrate`'s, such as ``progress``; called
         in the caller's thread.
@@ -72,6 +74,8 @@ def calibrate_in_subprocess(
     SolverError
         The process was killed, or the calibration raised anything else.
     """
+    if memory_mb is None:
+        memory_mb = SOLVER_MB + PAIR_MB * math.comb(len(cameras), 2)
     use_one_thread()  # the process has the environment of this one
     context = get_context("spawn")
     ours, theirs = context.Pipe()

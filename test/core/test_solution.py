@@ -14,7 +14,7 @@ from stcalib_ros.core.bundle.initialization import Start
 from stcalib_ros.core.control import Control
 from stcalib_ros.core.integration.exclusions import Exclusions
 from stcalib_ros.core.lifting.views import LiftedViews
-from stcalib_ros.core.model.rejection import RejectionReason
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.rig import sub_rig
 from stcalib_ros.core.registration.resampling import common_grid
 from stcalib_ros.core.solution import CalibrationProblem, adjust_rigs
@@ -80,6 +80,22 @@ def test_a_disputed_camera_is_left_out(problem, first, disputed, monkeypatch, ca
     assert excluded.name == f"cam{camera}"
     assert excluded.rejection.reason is RejectionReason.RIVAL_SOLUTION
     assert excluded.rejection.cameras == (f"cam{camera}",)
+
+
+def test_what_is_wrong_with_its_input_is_said_where_its_residuals_say(
+    problem, first, disputed, monkeypatch
+):
+    fault = Rejection(RejectionReason.CLOCK_NOT_STEADY, measured=0.1, limit=0.01, unit="s")
+
+    def inconsistencies(_cameras, _skeleton, last):
+        return tuple((fault,) if c == 2 else () for c in last.rig.cameras)
+
+    monkeypatch.setattr(solution, "inconsistencies", inconsistencies)
+    disputed([2])
+    found = adjust_rigs(problem, [first.rig], problem.exclusions)
+    (left_out,) = found.exclusions.cameras
+    assert (left_out.name, left_out.rejection.reason) == ("cam2", fault.reason)
+    assert left_out.rejection.cameras == ("cam2",)
 
 
 def test_where_it_is_the_reference_the_next_camera_is_it(problem, first, disputed, monkeypatch):

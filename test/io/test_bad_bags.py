@@ -271,6 +271,10 @@ CASES: dict[str, tuple[Maker, str]] = {
         _images(bags.poses(0, [bags.person(keypoints=[0.0] * 34)])),
         r"all keypoints of all persons are NaN",
     ),
+    "frame that cannot be printed": (
+        _images(bags.poses(0, header=bags.header(bags.START_NS, "a\x1b[31mb\n"))),
+        r"/cam0/person_poses: frame_id: expected a name of 1 to 256 printable characters",
+    ),
     "no keypoints": (
         _images(bags.poses(0, [bags.person(keypoints=[])])),
         r"all keypoints of all persons are NaN",

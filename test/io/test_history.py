@@ -327,6 +327,8 @@ def test_export_writes_below_the_folder(history):
         "line\nbreak.yaml",
         "\x1b[31mred.yaml",
         "pipe.yaml",
+        "circle/x.yaml",
+        "circle.yaml",
     ],
 )
 def test_export_writes_nowhere_else(history, tmp_path, name):
@@ -340,6 +342,8 @@ def test_export_writes_nowhere_else(history, tmp_path, name):
     (history.folder / "folder.yaml").mkdir()
     (history.folder / "file.yaml").touch()
     os.mkfifo(history.folder / "pipe.yaml")
+    (history.folder / "circle").symlink_to("circle")
+    (history.folder / "circle.yaml").symlink_to("circle.yaml")
     before = sorted(p for p in tmp_path.rglob("*"))
     with pytest.raises(InputError):
         history.export(calibration(20), name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +43,16 @@ class Exclusions:
         """Take some back, to be tried again."""
         back = [self.names[c] for c in cameras]
         return replace(self, cameras=tuple(one for one in self.cameras if one.name not in back))
+
+    def because(self, reasons: Mapping[int, Rejection]) -> Exclusions:
+        """Give other reasons for cameras that are left out."""
+        return replace(
+            self,
+            cameras=tuple(
+                UncalibratedCamera(one.name, reasons.get(self.names.index(one.name), one.rejection))
+                for one in self.cameras
+            ),
+        )
 
     def _adding_groups(
         self, groups: Sequence[Sequence[int]], kept: Sequence[int], reason: RejectionReason

@@ -203,8 +203,14 @@ even, the camera is left out. Derived: bunches of two have 0.5; with fewer most 
 
 EVEN_RATIO = 0.7
 """Ratio of the squared roughness of the motion of keypoints by even stamps over that by the stamps.
-Below it images were taken evenly. Measured: 0.18 to 0.36 for bunches of two and three, in simulated
-scenes and in benchmarks/data; 1.4 and more where images were lost in pauses of the camera."""
+Below it images were taken evenly. Measured on bunches of two to five: 0.05 to 0.38 in simulated
+scenes, 0.11 to 0.55 in benchmarks/data, up to 1.3 in the demo's 1.7 s, where people hardly move;
+1.8 and more, mostly over 100, where a camera pauses or images are lost."""
+
+IMPOSSIBLE_RATIO = 1.5
+"""Ratio. Takes the place of `EVEN_RATIO` where images of a bunch are within `CLOSEST_IMAGES_S`,
+as none are taken: below it even times are taken. Measured: see there; where a driver sends images
+twice, motion by even stamps is many times as rough."""
 
 UNEVEN_POSITION = 0.15
 """Fraction of the time from the image before to that after. Images as near to the middle by their

@@ -16,6 +16,7 @@ from stcalib_ros.core.geometry.robust import median_of_known
 from stcalib_ros.core.lifting.limits import (
     CLOSEST_IMAGES_S,
     EVEN_RATIO,
+    IMPOSSIBLE_RATIO,
     MANY_SHORT,
     MAX_GRID_FACTOR,
     MOVING_QUANTILE,
@@ -101,7 +102,7 @@ def _evened(camera: CameraRecording) -> tuple[CameraRecording, Remark | Rejectio
         return camera, None
     even, bunch = _lines(stamps, short), _longest_run(short) + 1
     within, period = float(np.median(intervals[short])), float(np.median(np.diff(even)))
-    worst_ratio = 1.0 if within < CLOSEST_IMAGES_S else EVEN_RATIO
+    worst_ratio = IMPOSSIBLE_RATIO if within < CLOSEST_IMAGES_S else EVEN_RATIO
     lossless = np.ptp(stamps - even) <= (bunch - 1 + _SLACK_PERIODS) * period
     possible = lossless and (np.diff(even) > 0.0).all()
     if _roughness_ratio(camera, even) > worst_ratio or (share < MANY_SHORT and not possible):
@@ -201,9 +202,9 @@ def _shared_images(cameras: Sequence[CameraRecording], options: Options) -> dict
 
 def _mostly_empty(cameras: Sequence[CameraRecording], used: Mapping[str, BoolArray]) -> bool:
     """Whether a grid over all images would have many times as many samples as there are images."""
-    if len(cameras) < 2:
+    parts = [part for c in cameras if len(part := c.stamps[used[c.name]])]
+    if len(parts) < 2:
         return False
-    parts = [c.stamps[used[c.name]] for c in cameras]
     span = max(float(p[-1]) for p in parts) - min(float(p[0]) for p in parts)
     covered = max((len(p) * mean_period(p) for p in parts if len(p) > 1), default=0.0)
     return bool(span > MAX_GRID_FACTOR * covered)

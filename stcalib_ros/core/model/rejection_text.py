@@ -140,6 +140,11 @@ _SENTENCES = {
         "fits else{or_others}: it was moved, or its clock was set by more than can be followed; "
         "use the part of the recording before or after"
     ),
+    _R.MIRRORED_VIEW: (
+        "its image is mirrored: with {detail} exchanged, {measured:.0%} of its keypoints fit the "
+        "people whom the others see, as they are hardly any; switch off mirroring (selfie view) in "
+        "its driver, or check the order of the coordinates"
+    ),
     _R.TOO_FEW_INLIERS: (
         "only {measured:.0f} of its keypoints fit, {limit:.0f} are needed: have people walk where "
         "it and the others see them"

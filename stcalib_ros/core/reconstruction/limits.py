@@ -21,6 +21,11 @@ MIN_FIT = 0.3
 failed. Wrong poses explain less, since keypoints of people who are not there do not fit. Chosen on
 simulated scenes of benchmarks.accuracy.level; not verified on real recordings."""
 
+MIN_MIRRORED_FIT = 0.5
+"""Fraction of a camera's keypoints that fit, as `MIN_FIT`, if its image is mirrored. With more it
+shows a mirror image. Chosen between: 0.72 to 0.79 of mirrored views in simulated scenes, less than
+0.3 of views that are not mirrored and of other people."""
+
 RIVAL_FIT_RATIO = 0.8
 """Fraction of keypoints that fit with another solution over that of the best, above which the
 camera is ambiguous and stays out. Chosen on simulated scenes of benchmarks.accuracy.level; not

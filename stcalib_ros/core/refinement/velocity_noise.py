@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.levenberg_marquardt import Motion, adjust
-from stcalib_ros.core.bundle.limits import FINAL_TOLERANCE
+from stcalib_ros.core.bundle.limits import FINAL_TOLERANCE, MAX_POINT_VARIANCE
 from stcalib_ros.core.bundle.motion_filter import (
     depth_variance_ratio,
     motion_filter,
@@ -51,7 +53,11 @@ def compensated(
 def _with_smooth_depths(
     last: Iteration, layout: ParameterLayout, options: BundleOptions
 ) -> tuple[BundleState, Motion]:
-    """Adjust with velocities that are smooth along the depths, without implausible joints."""
+    """Adjust with velocities that are smooth along the depths.
+
+    Implausible joints take no part, nor do those nearly in line with the cameras that observe them:
+    noise moves these by more than projections are linear in.
+    """
     obs, state = last.observations, last.state
     motion: Motion = estimate_motion
     for n in range(_PASSES):
@@ -59,6 +65,7 @@ def _with_smooth_depths(
             state = drop_outliers(obs, state, options)
         variance, _ = principal_variances(obs, state, noise_px(obs, state))
         wrong = implausible_joints(obs, state, variance[..., 2])
+        wrong |= variance[..., 2] > MAX_POINT_VARIANCE * np.nanmedian(variance[..., 2])
         state = state.with_inliers(state.inlier & ~wrong[:, None])
         motion = motion_filter(obs, state)
         state = adjust(

@@ -39,8 +39,8 @@ good simulated pairs, 0.02 to 0.09 with keypoint bias and on real ones; 0.022 to
 both images are of another size, or a focal length is 20 % off."""
 _MAX_LEFT, _MAX_LEFT_IF_REFUSED = 0.8, 0.6
 """Ratios of variations. Another size has to leave less of the variation; the second where outliers
-or limbs speak against the pair anyway, as they do for other reasons. Measured: 0.00 to 0.73 of images
-of 1/2, 2/3, 3/4 and of focal lengths that are 20 % off; of right lenses 0.9 and more where a
+or limbs speak against the pair anyway, as they do for other reasons. Measured: 0.00 to 0.73 of
+images of 1/2, 2/3, 3/4 and of focal lengths that are 20 % off; of right lenses 0.9 and more where a
 calibration is good, 0.64 and more on real pairs that are refused."""
 
 

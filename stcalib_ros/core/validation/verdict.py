@@ -105,8 +105,12 @@ def judge(
     failed = [
         rejection(checks, camera=name) for name, checks in zip(names, solution.checks, strict=True)
     ]
+    # What is wrong with the input of a camera explains all else.
+    pairs = zip(failed, solution.checks, strict=True)
+    faulty = [found for found, checks in pairs if checks.inconsistencies]
     whole = (_large_residuals(last), solution.rival)
-    against = [found for found in (*whole, *failed, misaligned) if found is not None]
+    others = [found for found in failed if found not in faulty]
+    against = [found for found in (*faulty, *whole, *others, misaligned) if found is not None]
     if against:
         explained = find_ambiguity(cameras, skeleton, last).rejections()
         return Judgement(Status.DEGENERATE, (*against, *explained))

@@ -98,6 +98,22 @@ def test_recordings_of_cameras_that_pause_or_lose_images_stay_as_they_are() -> N
         assert found.recording.cameras == recording.cameras
 
 
+def test_images_that_are_sent_twice_stay_where_they_are() -> None:
+    camera = SCENE.recording.cameras[1]
+    twice = np.repeat(np.arange(len(camera.stamps)), 2)
+    stamps = camera.stamps[twice] + 1e-4 * (np.arange(len(twice)) % 2)
+    tracks = []
+    for track in camera.tracks:
+        rows = np.repeat(np.arange(len(track.frames)), 2)
+        frames = 2 * track.frames[rows] + np.arange(len(rows)) % 2
+        values = {n: getattr(track, n)[rows] for n in ("keypoints", "joints", "scores")}
+        tracks.append(replace(track, frames=frames, **values))
+    found = mended(with_camera(1, replace(camera, stamps=stamps, tracks=tuple(tracks))))
+    assert not found.faults
+    assert not found.remarks
+    assert found.recording.cameras[1].stamps is stamps
+
+
 @pytest.mark.parametrize("jitter_s", [0.0, 2e-3, 6e-3])
 def test_usual_stamps_stay_as_they_are(jitter_s: float) -> None:
     rng = np.random.default_rng(2)

@@ -79,6 +79,10 @@ REJECTIONS = (
     ),
     (Rejection(R.IMAGE_TURNED, values=AFFINE), "a quarter, .* at .540, 960., .* says .960, 540."),
     (Rejection(R.DISTORTION_DISAGREES, (), -0.07, 0.04), "bent by -7% .*, 4% are the limit: check"),
+    (
+        Rejection(R.MIRRORED_VIEW, (), 0.74, 0.5, detail="x and y"),
+        "mirrored: with x and y exchanged, 74% of its keypoints fit .*; switch off",
+    ),
     (Rejection(R.TOO_FEW_INLIERS, (), 150, 400), "only 150 of its keypoints fit, 400 are needed"),
     (Rejection(R.TOO_MANY_OUTLIERS, (), 0.3, 0.55), "only 30% of .*, 55% are needed: check its in"),
     (Rejection(R.TOO_LITTLE_EXPLAINED, (), 0.2, 0.5), "only 20% of all that it sees .*, 50% are"),
