@@ -86,14 +86,14 @@ def unsteady_cameras(
     changes = {c: one for c, own in enumerate(series) if (one := _largest(own)) is not None}
     suspects = _suspects(source, series, changes)
     jumps = stamp_jumps(members)
-    told = [c for c in suspects if c in jumps and jumps[c].sudden]
+    told = {c: one for c, one in suspects.items() if c in jumps and jumps[c].sudden}
     if len(suspects) == 2 and len(told) == 1:
         suspects = told
     found: list[Rejection | None] = [None] * len(members)
     lost = {} if suspects else _lost(series)
     for c in (*suspects, *lost):
         others = tuple(members[other].name for other in (*suspects, *lost) if other != c)
-        why = changes[c].rejection() if c in changes else lost[c]
+        why = suspects[c].rejection() if c in suspects else lost[c]
         why = _since_first_image(why, members[c], float(last.rig.offset_s[c]))
         if c in jumps and why.reason is RejectionReason.CLOCK_NOT_STEADY:
             why = replace(why, values={**why.values, "received_s": jumps[c].size_s})
@@ -136,16 +136,24 @@ def _longest_lost(series: ChangeSeries) -> Rejection | None:
 
 def _suspects(
     source: ResidualSource, series: Sequence[ChangeSeries], changes: Mapping[int, _Change]
-) -> list[int]:
+) -> dict[int, _Change]:
     """Return the cameras whose change alone would explain the residuals of all.
 
     One, but for two cameras, where nothing says which. That with the clearest change if no single
     one explains them.
     """
-    most = max((one.contrast.evidence for one in changes.values()), default=0.0)
-    explained = MAX_EVIDENCE_LEFT * most
-    alone = [c for c in changes if _evidence_left(source.corrected(c, series[c])) < explained]
-    return alone or [c for c, one in changes.items() if one.contrast.evidence == most]
+    if not changes:
+        return {}
+    clearest = max(changes.values(), key=lambda one: one.contrast.evidence)
+    if len(series) == 2:
+        return {c: changes.get(c, clearest) for c in range(2)}
+    explained = MAX_EVIDENCE_LEFT * clearest.contrast.evidence
+    alone = {
+        c: one
+        for c, one in changes.items()
+        if _evidence_left(source.corrected(c, series[c])) < explained
+    }
+    return alone or {c: one for c, one in changes.items() if one is clearest}
 
 
 def _evidence_left(source: ResidualSource) -> float:
