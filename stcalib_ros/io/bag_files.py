@@ -35,8 +35,10 @@ def bag_files(path: Path, *, warn: Callable[[str], None] | None = None) -> tuple
     warn = warn or logging.getLogger(__name__).warning
     if not path.exists():
         raise InputError(f"no such bag: {path}")
-    if not path.is_dir():
+    if path.is_file():
         return (path,)
+    if not path.is_dir():
+        raise InputError(f"{path} is neither a file nor a folder: name a bag")
     there = sorted(
         (p for p in path.iterdir() if p.name.endswith(_SUFFIXES) and p.is_file()),
         key=lambda p: (len(p.name), p.name),

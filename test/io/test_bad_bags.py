@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import sqlite3
 from collections.abc import Callable
@@ -24,6 +25,11 @@ Maker = Callable[[Path], Path]
 
 def _no_such_file(folder: Path) -> Path:
     return folder / "missing.mcap"
+
+
+def _pipe(folder: Path) -> Path:
+    os.mkfifo(folder / "a.mcap")  # nobody writes: to open it would wait for ever
+    return folder / "a.mcap"
 
 
 def _no_bytes(folder: Path) -> Path:
@@ -164,6 +170,7 @@ def _no_images(folder: Path) -> Path:
 
 
 CASES: dict[str, tuple[Maker, str]] = {
+    "pipe": (_pipe, r"a\.mcap is neither a file nor a folder: name a bag"),
     "no such file": (_no_such_file, r"no such bag: .*missing\.mcap"),
     "empty file": (_no_bytes, r"a\.mcap is empty"),
     "no MCAP": (_no_mcap, r"is not a bag: it begins with b'this is "),

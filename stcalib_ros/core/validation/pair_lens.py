@@ -16,6 +16,7 @@ import numpy as np
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
 from stcalib_ros.core.bundle.limits import TOLERANCE
+from stcalib_ros.core.bundle.motion_filter import depth_variance_ratio
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Intrinsics
@@ -29,6 +30,10 @@ _PAIR = 2
 _SCALES = (0.33, 0.5, 0.67, 0.75, 0.87, 1.15, 1.33, 1.75)
 """Sizes of images that are tried, over those given. Chosen: usual ones, up to those that
 registration survives; the nearest one takes away most of what a size in between does."""
+_MAX_DEPTH_RATIO = 100.0
+"""Ratio of variances along and across the rays. With more, the lengths of limbs are those of noise
+in depth. Derived: cameras that see people from eleven degrees apart; 830 of two that stand 30 cm
+apart, 3.5 m from people."""
 _MAX_POINTS = 6000
 """Joints, count. Of more a regular part is adjusted. Cost alone."""
 _STEPS = 12
@@ -65,6 +70,8 @@ def pair_lens_faults(
     last : Iteration
     """
     C = len(last.rig.cameras)
+    if depth_variance_ratio(last.observations, last.state) > _MAX_DEPTH_RATIO:
+        return (None,) * C
     lenses = [lens for c in last.rig.cameras if (lens := cameras[c].intrinsics) is not None]
     nothing = (None,) * C
     if not C == len(lenses) == _PAIR:
