@@ -103,6 +103,8 @@ class Iteration:
         None where no jitter of the timestamps is observable.
     line_delays : LineDelays or None
         None where they were not estimated.
+    uncorrected : Iteration or None
+        The round before the keypoints were corrected for their biases; None where they were not.
     """
 
     rig: Rig
@@ -115,6 +117,7 @@ class Iteration:
     clock_skews: ClockSkews | None = None
     timestamp_errors: TimestampErrors | None = None
     line_delays: LineDelays | None = None
+    uncorrected: Iteration | None = None
 
     def with_state(self, observations: Observations, state: BundleState) -> Iteration:
         """The same persons after one more adjustment of the same images."""

@@ -75,7 +75,7 @@ def refine(
     iterations = (*iterations[:-1], joint.iteration)
     unbiased = refine_keypoint_bias(cameras, joint.iteration, layout, options, joint.layout)
     if unbiased is not None:
-        iterations = (*iterations, unbiased.round)
+        iterations = (*iterations, replace(unbiased.round, uncorrected=joint.iteration))
     last = with_timestamp_errors(cameras, iterations[-1], options, joint.layout)
     if last is not joint.iteration:
         joint = adjust_jointly(members, last, options, estimate_line_delays=estimate_line_delays)
