@@ -63,10 +63,10 @@ class Row:
     errors : mapping of str to float
         E_R (rad), E_t, and E_delta (frames) over the cameras of the solution.
     refused_otherwise : bool
-        It is refused whatever the limits of the camera checks: another solution fits as well, or
-        the adjustment has not converged.
+        It is refused whatever the limits of the camera checks: another solution fits as well, the
+        adjustment has not converged, or the input of a camera is wrong.
     checks : tuple of CameraChecks
-        Checks of the cameras of the solution, the reference first.
+        Checks of the cameras of the solution, the reference first, without the last.
     """
 
     scene: str
@@ -125,7 +125,7 @@ def gather(kinds: Sequence[tuple[Scenario, int]], *, jobs: int = 1) -> Table:
 
 def write_table(path: Path, table: Table) -> None:
     """Write a table as JSON; numbers that JSON does not have as text."""
-    names = [field.name for field in fields(CameraChecks)]
+    names = [field.name for field in fields(CameraChecks) if field.name != "inconsistencies"]
     rows = [
         asdict(row)
         | {"errors": {name: _short(value) for name, value in row.errors.items()}}
@@ -235,8 +235,8 @@ def rows_of(task: Task, recording: Recording, options: Options) -> tuple[Row, ..
             task.seed,
             task.real,
             _errors(problem, recording, found, task),
-            has_rival or found.unsettled > 0,
-            found.checks,
+            has_rival or found.unsettled > 0 or any(c.inconsistencies for c in found.checks),
+            tuple(replace(checks, inconsistencies=()) for checks in found.checks),
         )
         for problem, found in solutions
     )

@@ -30,6 +30,8 @@ _FIT_POSES = 4
 """Poses by which the motion of a person is known. Numerical: a tenth of a second."""
 _MAX_FOLLOWED = 64
 """Tracks that may go on at a time, count; of more, the latest. Numerical: bounds the cost."""
+_LEAST_SIZE_PX = 1.0
+"""px. A person is taken to be as large, also where all keypoints are at one place. Numerical."""
 _FORBIDDEN = 1e6
 """Cost of an assignment that is not possible, sizes of a person; far above that of any other."""
 
@@ -118,7 +120,7 @@ def _costs(poses: _Poses, chains: list[list[int]], rows: IntArray) -> Float64Arr
     last = np.array([chain[-1] for chain in chains])
     first = np.array([chain[-_FIT_POSES:][0] for chain in chains])
     gap_s = (poses.time_s[rows[0]] - poses.time_s[last])[:, None]
-    size = np.fmax(poses.size[last][:, None], poses.size[rows])
+    size = np.fmax(np.fmax(poses.size[last][:, None], poses.size[rows]), _LEAST_SIZE_PX)
     away = poses.points[rows] - poses.points[last][:, None]
     moved = poses.points[last] - poses.points[first]
     since_s = (poses.time_s[last] - poses.time_s[first])[:, None]

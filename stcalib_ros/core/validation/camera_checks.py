@@ -264,7 +264,8 @@ def check_cameras(
     reach = usual_distances(last)
     bodies = _body_checks(cameras, skeleton, last)
     lookalikes = has_lookalike_alternative(last)
-    against = inconsistencies(cameras, skeleton, last)
+    in_motion = bool((offsets["offset_peak_ratio"] > DEFAULT.min_offset_peak_ratio).all())
+    against = inconsistencies(cameras, skeleton, last, in_motion=in_motion)
     found = []
     for c in range(len(last.rig.cameras)):
         block = covariance[np.ix_(rows_of(c), rows_of(c))]

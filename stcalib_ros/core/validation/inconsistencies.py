@@ -6,7 +6,7 @@ one that it was given; each yields a `Rejection` with what that value is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.model.lifted import LiftedCamera
@@ -16,14 +16,9 @@ from stcalib_ros.core.validation.lens_checks import lens_faults
 from stcalib_ros.core.validation.pair_lens import pair_lens_faults
 from stcalib_ros.core.validation.steadiness import unsteady_cameras
 
-Test = Callable[[Sequence[LiftedCamera], Iteration], Sequence[Rejection | None]]
-"""Of all cameras and the adjustment: what is wrong with each camera of the rig, or None."""
-
-_TESTS: tuple[Test, ...] = (lens_faults, unsteady_cameras)
-
 
 def inconsistencies(
-    cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration
+    cameras: Sequence[LiftedCamera], skeleton: Skeleton, last: Iteration, *, in_motion: bool = True
 ) -> tuple[tuple[Rejection, ...], ...]:
     """Return what is wrong with the input of every camera of a rig, the clearest first.
 
@@ -33,9 +28,13 @@ def inconsistencies(
         All cameras.
     skeleton : Skeleton
     last : Iteration
+    in_motion : bool
+        Time offsets are determined. Where they are not, people who stand still or are exchanged
+        look like anything through another lens.
     """
-    results = [test(cameras, last) for test in _TESTS]
-    results.append(pair_lens_faults(cameras, skeleton, last))
+    results = [unsteady_cameras(cameras, last)]
+    if in_motion:
+        results += [lens_faults(cameras, last), pair_lens_faults(cameras, skeleton, last)]
     found = [
         [one for result in results if (one := result[c]) is not None]
         for c in range(len(last.rig.cameras))

@@ -22,6 +22,7 @@ from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.skeleton import Skeleton
+from stcalib_ros.core.validation.cross_view import usual_distances
 from stcalib_ros.core.validation.limb_lengths import limb_variations
 from stcalib_ros.core.validation.thresholds import DEFAULT
 
@@ -34,6 +35,9 @@ _MAX_DEPTH_RATIO = 100.0
 """Ratio of variances along and across the rays. With more, the lengths of limbs are those of noise
 in depth. Derived: cameras that see people from eleven degrees apart; 830 of two that stand 30 cm
 apart, 3.5 m from people."""
+_MIN_WALKED = 0.05
+"""Ratio, see `_walked`. Who stays at one place does not change their size, whatever the lens.
+Derived: 20 cm at 4 m; people who walk about have 0.2."""
 _MAX_POINTS = 6000
 """Joints, count. Of more a regular part is adjusted. Cost alone."""
 _STEPS = 12
@@ -72,6 +76,8 @@ def pair_lens_faults(
     C = len(last.rig.cameras)
     if depth_variance_ratio(last.observations, last.state) > _MAX_DEPTH_RATIO:
         return (None,) * C
+    if _walked(last) < _MIN_WALKED:
+        return (None,) * C
     lenses = [lens for c in last.rig.cameras if (lens := cameras[c].intrinsics) is not None]
     nothing = (None,) * C
     if not C == len(lenses) == _PAIR:
@@ -88,6 +94,18 @@ def pair_lens_faults(
         _rejection(best.scale, lens, given) if c in best.cameras else None
         for c, lens in enumerate(lenses)
     )
+
+
+def _walked(last: Iteration) -> float:
+    """Return how far a person gets about, over the usual distance from the cameras; median."""
+    seen = last.state.triangulated()
+    total = np.where(seen[..., None], last.state.X, 0.0).sum(1)
+    known = seen.any(1)
+    place = total[known] / seen.sum(1)[known, None]
+    person = last.observations.person[known]
+    spread = [np.ptp(place[person == one], axis=0) for one in np.unique(person)]
+    reach = float(np.nanmean(usual_distances(last)))
+    return float(np.median(np.linalg.norm(spread, axis=-1))) / reach if spread else 0.0
 
 
 def _is_refused(last: Iteration, variation: float) -> bool:
