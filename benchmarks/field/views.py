@@ -143,6 +143,7 @@ def _placed(
     at: tuple[float, float, float] | None = (0.0, 0.0, 1.0),
     focal_px: float = 1400.0,
     area_radius_m: float = 1.6,
+    sigma_px: float = 3.0,
 ) -> Case:
     """Place cameras that look at one point, or straight ahead along y where none is given."""
     K = np.array([[focal_px, 0, 960], [0, focal_px, 540], [0, 0, 1]])
@@ -151,7 +152,12 @@ def _placed(
     t = -np.einsum("cab,cb->ca", R, np.array(eyes))
     rig = SceneRig(tuple(f"cam{c}" for c in range(len(eyes))), (lens,) * len(eyes), R, t)
     options = SceneOptions(
-        seed=22_000 + seed, rig=rig, n_frames=450, area_radius_m=area_radius_m, n_people=2
+        seed=22_000 + seed,
+        rig=rig,
+        n_frames=450,
+        area_radius_m=area_radius_m,
+        n_people=2,
+        sigma_px=sigma_px,
     )
     return simulated(options)
 
@@ -190,6 +196,7 @@ VIEWS = (
             ((-8.0, -29.0, 4.0), (0.0, -30.0, 4.0), (8.0, -29.0, 4.0)),
             focal_px=1000.0,
             area_radius_m=3.0,
+            sigma_px=1.5,
         ),
     ),
     Member("E", "one over the other", lambda s: _placed(s, ((0, -4, 1.0), (0, -4, 2.2)))),
