@@ -90,6 +90,8 @@ class ChangeSeries:
     information : (K, 4, 4) ndarray
         Normal equations of the change, residuals in units of their scale: as if the errors of all
         keypoints were independent.
+    n_points : (K,) ndarray of int
+        Number of keypoints that these are of.
     unexplained_s : (U,) ndarray
         Middle of the windows whose residuals no small change explains.
     unexplained_px : (U,) ndarray
@@ -101,6 +103,7 @@ class ChangeSeries:
     time_s: Float64Array
     change: Float64Array
     information: Float64Array
+    n_points: IntArray
     unexplained_s: Float64Array
     unexplained_px: Float64Array
     window_s: float
@@ -286,7 +289,7 @@ def _series(
     known = enough & (typical <= max(MAX_FIT_PX, MAX_FIT_RATIO * usual))
     lost = enough & (typical > max(UNEXPLAINED_PX, UNEXPLAINED_RATIO * usual))
     return ChangeSeries(
-        *(times[known], change[known], (information + prior)[known]),
+        *(times[known], change[known], (information + prior)[known], np.diff(edges)[known]),
         *(times[lost], typical[lost], window_s),
     )
 

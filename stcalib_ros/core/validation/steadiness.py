@@ -28,6 +28,7 @@ from stcalib_ros.core.validation.thresholds import (
     MAX_EVIDENCE_LEFT,
     MIN_CHANGE_SIGNIFICANCE,
     MIN_CLOCK_CHANGE_S,
+    MIN_DISPLACEMENT,
     MIN_ROTATION_CHANGE,
     MIN_STEADINESS_WINDOWS,
     MIN_UNEXPLAINED_WINDOWS,
@@ -49,7 +50,18 @@ class _Change:
     def certain(self) -> bool:
         """Whether it is no chance, and large enough to matter."""
         significant = self.contrast.significance > MIN_CHANGE_SIGNIFICANCE
-        return significant and self.contrast.size > self.limit
+        large = self.contrast.size > self.limit
+        if self.reason is RejectionReason.POSE_CHANGED:
+            large &= self.displacement > MIN_DISPLACEMENT
+        return significant and large
+
+    @property
+    def displacement(self) -> float:
+        """By how much it moves keypoints off their epipolar lines, RMS, over their noise."""
+        n = self.series.n_points
+        inside = int(n[self.contrast.begin : self.contrast.end].sum())
+        outside = int(n.sum()) - inside
+        return float(np.sqrt(self.contrast.evidence * (1.0 / inside + 1.0 / outside)))
 
     def rejection(self) -> Rejection:
         """What is wrong with the camera; times are those of the reference clock."""
