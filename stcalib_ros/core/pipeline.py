@@ -63,7 +63,7 @@ def calibrate(
     Raises
     ------
     InputError
-        The reference camera or the joint layouts cannot be used.
+        The reference camera, the joint layouts or every CameraInfo cannot be used.
     CalibrationError
         A worker of the executor was lost.
     Cancelled

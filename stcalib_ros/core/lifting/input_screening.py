@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.lifting.input_values import (
     with_scores_of_one,
     without_repeated_images,
@@ -27,8 +28,15 @@ from stcalib_ros.core.lifting.read_camera import ReadCamera
 from stcalib_ros.core.lifting.time_base import mended_time_base
 from stcalib_ros.core.lifting.track_checks import with_tracks
 from stcalib_ros.core.model.recording import CameraRecording, Recording
-from stcalib_ros.core.model.rejection import Rejection, Remark
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
+from stcalib_ros.core.model.rejection_text import labelled
 from stcalib_ros.core.options import Options
+
+_ABSURD_LENSES = (
+    RejectionReason.FOCAL_LENGTH_ABSURD,
+    RejectionReason.PRINCIPAL_POINT_OFF_CENTRE,
+)
+"""Reasons for which CameraInfo is wrong whatever the keypoints are."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,12 +76,18 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     ----------
     recording : Recording
     options : Options
+
+    Raises
+    ------
+    InputError
+        No camera has a CameraInfo that can be: whoever makes it makes it wrong.
     """
     timed = mended_time_base(recording, options)
     read = [_read(camera, options.min_score) for camera in timed.recording.cameras]
     given = replace(timed.recording, cameras=tuple(one.camera for one in read))
     faults = {one.camera.name: one.fault for one in read if one.fault is not None}
     faults |= intrinsics_faults(given, min_score=options.min_score)
+    _require_lenses(given, faults)
     faults |= keypoint_faults(given, min_score=options.min_score)
     faults |= timed.faults
     remarks = sum((one.remarks for one in read), timed.remarks)
@@ -83,6 +97,12 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     needed = options.registration.method == "vmf"
     cameras, on_poses = _with_usable_poses(usable.cameras, options.min_score, needed=needed)
     return ScreenedInput(replace(usable, cameras=cameras), faults, remarks + on_poses)
+
+
+def _require_lenses(recording: Recording, faults: Mapping[str, Rejection]) -> None:
+    absurd = [why for why in faults.values() if why.reason in _ABSURD_LENSES]
+    if absurd and len(absurd) == len(recording.cameras):
+        raise InputError("; ".join(map(labelled, absurd)))
 
 
 def readable_input(recording: Recording, *, min_score: float) -> Recording:
