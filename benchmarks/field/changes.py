@@ -77,9 +77,12 @@ def each(case: Case, names: tuple[str, ...], change: Change) -> Case:
 
 
 def turned(case: Case, name: str, from_row: int, turn_rad: Float64Array) -> Case:
-    """Turn a camera from an image on by a rotation vector in its frame, or by (N, 3) of all."""
+    """Turn a camera from an image on by a rotation vector in its frame, or by (N, 3) of all.
+
+    What it then has outside of its image is not observed.
+    """
     camera = case.camera(name)
-    K = camera.intrinsics.K
+    K, size = camera.intrinsics.K, (camera.intrinsics.width, camera.intrinsics.height)
     turn = np.zeros((len(camera.stamps), 3))
     turn[from_row:] = turn_rad if turn_rad.ndim == 1 else turn_rad[from_row:]
     R_new_old = exp_so3(-turn)
@@ -90,7 +93,9 @@ def turned(case: Case, name: str, from_row: int, turn_rad: Float64Array) -> Case
         x = np.concatenate([track.keypoints, np.ones((*track.keypoints.shape[:2], 1))], -1)
         x = np.einsum("fab,fjb->fja", H, x)
         joints = np.einsum("fab,fjb->fja", R, track.joints)
-        return replace(track, keypoints=x[..., :2] / x[..., 2:], joints=joints)
+        pixels = x[..., :2] / x[..., 2:]
+        inside = ((pixels > 0.0) & (pixels < size)).all(-1, keepdims=True)
+        return replace(track, keypoints=np.where(inside, pixels, np.nan), joints=joints)
 
     after = exp_so3(turn[-1])
     moved = tuple(

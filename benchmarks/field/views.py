@@ -179,6 +179,7 @@ VIEWS = (
     Member("C", "bump of 5 degrees, late", lambda s: _bumped(s, 0.7, 5.0)),
     Member("C", "bump of 2 degrees", lambda s: _bumped(s, 0.5, 2.0)),
     Member("C", "bump of 5 degrees, early", lambda s: _bumped(s, 0.3, 5.0)),
+    Member("C", "bump of 30 degrees", lambda s: _bumped(s, 0.5, 30.0)),
     Member("C", "bump of the reference", lambda s: _bumped(s, 0.6, 3.0, "cam0")),
     Member("C", "bump, two cameras", lambda s: _bumped(s, 0.5, 5.0, n_cameras=2)),
     Member("C", "sag of 3 degrees", _sagging),

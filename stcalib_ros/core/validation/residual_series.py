@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.motion_filter import depth_variance_ratio
 from stcalib_ros.core.bundle.observations import Observations, observe
 from stcalib_ros.core.bundle.parameters import CLOCK_SKEW
 from stcalib_ros.core.bundle.state import person_rows_of
@@ -68,10 +69,10 @@ _MIN_HALF_WINDOW = 3
 _ITERATIONS = 6
 """Gauss-Newton steps of the fits of all windows. Numerical: 20 degrees converge in five."""
 
-_LARGEST_TURN = 0.35
-"""Radians. A window that a larger turn would explain says nothing: beside each other, cameras that
-see little agree at any. Derived: `_ITERATIONS` reach 20 degrees; after more, people are no longer
-associated. Measured in a row of cameras 30 cm apart that stand still: 0.8 and 1.4."""
+_LARGEST_TURN, _WEAK_DEPTHS = 0.35, 50.0
+"""Radians, and ratio of variances along and across the rays. Of cameras beside each other a window
+that a larger turn would explain says nothing: they agree at any. Measured in a row of cameras that
+stand still, 30 cm apart: 0.8 and 1.4; ratios as in `_MAX_DEPTH_RATIO` of pairs."""
 
 _LEAST_SCALE_PX = 1.0
 """Pixels. Least scale of the robust weights: keypoints are never better. Numerical."""
@@ -132,6 +133,8 @@ class ResidualSource:
         Begin of the first window, and length of all.
     noise_px : float
         Usual error of a keypoint, px.
+    largest_turn : float
+        Turn of a window, rad, from which on it says nothing.
     """
 
     rig: Rig
@@ -142,6 +145,7 @@ class ResidualSource:
     start_s: float
     window_s: float
     noise_px: float
+    largest_turn: float
 
     @staticmethod
     def of(cameras: Sequence[LiftedCamera], last: Iteration) -> ResidualSource:
@@ -166,13 +170,16 @@ class ResidualSource:
         n = max(1, round(length / window_s))
         window = np.minimum(((times - start) / window_s).astype(np.int64), n - 1)
         focal, noise_px = obs.focal.astype(np.float64), max(_LEAST_SCALE_PX, last.median_px)
-        return ResidualSource(last.rig, x, v, focal, window, start, window_s, noise_px)
+        is_weak = depth_variance_ratio(last.observations, last.state) > _WEAK_DEPTHS
+        largest = _LARGEST_TURN if is_weak else np.inf
+        return ResidualSource(last.rig, x, v, focal, window, start, window_s, noise_px, largest)
 
     def series(self, c: int) -> ChangeSeries:
         """Fit the change of camera c in all windows of time."""
         n = int(self.window.max(initial=-1)) + 1
         times = np.asarray(self.start_s + (np.arange(n) + 0.5) * self.window_s)
-        return _series(_KeypointPairs.of(self, c), times, self.window_s, self.noise_px)
+        points = _KeypointPairs.of(self, c)
+        return _series(points, times, self.window_s, self.noise_px, self.largest_turn)
 
     def corrected(self, c: int, series: ChangeSeries) -> ResidualSource:
         """The same with the change of camera c undone in all windows of a series."""
@@ -274,7 +281,11 @@ def _pair(seen: ResidualSource, present: BoolArray, c: int, j: int) -> tuple[Any
 
 
 def _series(
-    points: _KeypointPairs, times: Float64Array, window_s: float, noise_px: float
+    points: _KeypointPairs,
+    times: Float64Array,
+    window_s: float,
+    noise_px: float,
+    largest_turn: float,
 ) -> ChangeSeries:
     """Fit the changes of all windows by robust Gauss-Newton."""
     K = len(times)
@@ -292,7 +303,7 @@ def _series(
     enough = np.diff(edges) >= _LEAST_POINTS
     usual = float(np.quantile(typical[enough], _USUAL)) if enough.any() else 0.0
     fits = typical <= max(MAX_FIT_PX, MAX_FIT_RATIO * usual)
-    known = enough & fits & (np.linalg.norm(change[:, ROTATION], axis=-1) < _LARGEST_TURN)
+    known = enough & fits & (np.linalg.norm(change[:, ROTATION], axis=-1) < largest_turn)
     lost = enough & (typical > max(UNEXPLAINED_PX, UNEXPLAINED_RATIO * usual))
     return ChangeSeries(
         *(times[known], change[known], (information + prior)[known], np.diff(edges)[known]),
