@@ -124,26 +124,26 @@ _SENTENCES = {
     ),
     _R.CLOCK_NOT_STEADY: (
         "its clock is not steady: from {begin_s:.1f} to {end_s:.1f} s after its first image, its "
-        "stamps are {measured_ms:.0f} ms off what they are else, {limit_ms:.0f} are the limit"
-        "{and_received}{or_others}; clocks that are set while they record do that, and images that "
-        "are lost and numbered as if they were not: give the times of acquisition, or use a part "
-        "of the recording"
+        "stamps are {measured_ms:.0f} ms off the rest of them, {limit_ms:.0f} are the limit"
+        "{and_received}{or_others}; a clock that is set while it records does that, and so do lost "
+        "images that are numbered as if none were lost: give the times of acquisition, or use a "
+        "part of the recording"
     ),
     _R.POSE_CHANGED: (
-        "it has moved: from {begin_s:.1f} to {end_s:.1f} s after its first image, it is turned by "
-        "{measured_deg:.1f} degrees against what it is else, {limit_deg:.1f} are the limit"
+        "it has moved: from {begin_s:.1f} to {end_s:.1f} s after its first image, it is turned "
+        "{measured_deg:.1f} degrees from where it is otherwise, {limit_deg:.1f} are the limit"
         "{or_others}; fasten it, or use the part of the recording before or after"
     ),
     _R.PART_DISAGREES: (
         "from {begin_s:.1f} to {end_s:.1f} s after its first image, what it sees is {measured:.0f} "
-        "px off from what the others see of the same people, {limit:.0f} are the limit, though it "
-        "fits else{or_others}: it was moved, or its clock was set by more than can be followed; "
+        "px off what the others see of the same people, {limit:.0f} are the limit, though it fits "
+        "otherwise{or_others}: it was moved, or its clock was set by more than can be followed; "
         "use the part of the recording before or after"
     ),
     _R.MIRRORED_VIEW: (
         "its image is mirrored: with {detail} exchanged, {measured:.0%} of its keypoints fit the "
-        "people whom the others see, as they are hardly any; switch off mirroring (selfie view) in "
-        "its driver, or check the order of the coordinates"
+        "people whom the others see, and hardly any of them as they are; switch off mirroring "
+        "(selfie view) in its driver, or check the order of the coordinates"
     ),
     _R.TOO_FEW_INLIERS: (
         "only {measured:.0f} of its keypoints fit, {limit:.0f} are needed: have people walk where "

@@ -104,18 +104,18 @@ REJECTIONS = (
     ),
     (
         Rejection(R.CLOCK_NOT_STEADY, (), 0.1, 0.015, "s", values={"begin_s": 15.0, "end_s": 30.0}),
-        "from 15.0 to 30.0 s after its first .* 100 ms off .* else, 15 are the limit; clocks",
+        "from 15.0 to 30.0 s after its first .* 100 ms off the rest .*, 15 are the limit; a clock",
     ),
     (
         Rejection(
             *(R.POSE_CHANGED, (), 0.0873, 0.0087, "rad", ("b",)),
             values={"begin_s": 7.0, "end_s": 10.0},
         ),
-        r"from 7.0 to 10.0 s .* by 5.0 degrees .*, 0.5 are the limit \(or it is b\); fasten it",
+        r"from 7.0 to 10.0 s .* turned 5.0 degrees .*, 0.5 are the limit \(or it is b\); fasten it",
     ),
     (
         Rejection(R.PART_DISAGREES, (), 60.0, 12.0, "px", values={"begin_s": 7.0, "end_s": 10.0}),
-        "from 7.0 to 10.0 s .* is 60 px off .*, 12 are the limit, .* fits else: it was moved",
+        "from 7.0 to 10.0 s .* is 60 px off .*, 12 are the limit, .* fits otherwise: it was moved",
     ),
     (Rejection(R.POSITION_UNCERTAIN, (), 0.2, 0.1), "by 20% of its distance .*, 10% are .*: let"),
     (
