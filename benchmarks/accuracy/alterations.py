@@ -68,15 +68,7 @@ def cut_tracks(scene: Scene) -> Scene:
 def _pieces(track: Track, first_id: int) -> list[Track]:
     block = track.frames // TRACK_FRAMES
     return [
-        replace(
-            track,
-            track_id=first_id + k,
-            frames=track.frames[block == b],
-            keypoints=track.keypoints[block == b],
-            joints=track.joints[block == b],
-            scores=track.scores[block == b],
-        )
-        for k, b in enumerate(np.unique(block))
+        replace(track[block == b], track_id=first_id + k) for k, b in enumerate(np.unique(block))
     ]
 
 

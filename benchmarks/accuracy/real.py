@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import stcalib_ros
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.model.recording import CameraRecording
+from stcalib_ros.core.model.recording import CameraRecording, only_images
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.convert import Converted, ConvertOptions, convert_arrays
 from stcalib_ros.io.results import read_result
@@ -103,21 +103,7 @@ def read_desk() -> Converted:
 
 def _with_times(camera: CameraRecording, stamps: Float64Array) -> CameraRecording:
     """Return a camera with other stamps, without the images that have none."""
-    taken = np.isfinite(stamps)
-    number = np.cumsum(taken) - 1
-    tracks = []
-    for track in camera.tracks:
-        kept = taken[track.frames]
-        tracks.append(
-            replace(
-                track,
-                frames=number[track.frames[kept]],
-                keypoints=track.keypoints[kept],
-                joints=track.joints[kept],
-                scores=track.scores[kept],
-            )
-        )
-    return replace(camera, stamps=stamps[taken], tracks=tuple(tracks))
+    return only_images(replace(camera, stamps=stamps), np.isfinite(stamps))
 
 
 def _load(path: Path) -> dict[str, NDArray[Any]]:

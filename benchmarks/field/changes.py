@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.field.case import Case
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
-from stcalib_ros.core.model.recording import CameraRecording, Intrinsics, Track
+from stcalib_ros.core.model.recording import CameraRecording, Intrinsics, Track, only_images
 
 Change = Callable[[CameraRecording], CameraRecording]
 
@@ -51,21 +51,7 @@ def with_stamps(case: Case, name: str, stamps: Float64Array) -> Case:
 def keep_images(case: Case, name: str, kept: BoolArray, stamps: Float64Array) -> Case:
     """Keep some images (N,) of a camera, with other stamps (K,)."""
     camera = case.camera(name)
-    row = np.cumsum(kept) - 1
-    tracks = []
-    for track in camera.tracks:
-        own = kept[track.frames]
-        if own.any():
-            tracks.append(
-                replace(
-                    track,
-                    frames=row[track.frames[own]],
-                    keypoints=track.keypoints[own],
-                    joints=track.joints[own],
-                    scores=track.scores[own],
-                )
-            )
-    changed = replace(camera, stamps=stamps, tracks=tuple(tracks))
+    changed = replace(only_images(camera, kept), stamps=stamps)
     return case.with_camera(changed, times_s=case.times_s[name][kept])
 
 

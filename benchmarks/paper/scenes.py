@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from stcalib_ros.core.model.calibration import Calibration
-from stcalib_ros.core.model.recording import Recording, keypoints_only
+from stcalib_ros.core.model.recording import Recording, keypoints_only, only_images
 from stcalib_ros.core.synthetic import MotionClip, Scene, SceneOptions, SceneRig, simulate
 from stcalib_ros.io.mocap import read_clip, shipped_clips
 from stcalib_ros.io.rigs import read_rig
@@ -207,19 +207,6 @@ def window(recording: Recording, start: int, T: int) -> Recording:
     """T frames of every camera, from its `start`-th image on; tracks that reach in only."""
     cameras = []
     for camera in recording.cameras:
-        tracks = []
-        for track in camera.tracks:
-            use = (track.frames >= start) & (track.frames < start + T)
-            if use.any():
-                tracks.append(
-                    replace(
-                        track,
-                        frames=track.frames[use] - start,
-                        keypoints=track.keypoints[use],
-                        joints=track.joints[use],
-                        scores=track.scores[use],
-                    )
-                )
-        stamps = camera.stamps[start : start + T]
-        cameras.append(replace(camera, stamps=stamps, tracks=tuple(tracks)))
+        number = np.arange(len(camera.stamps))
+        cameras.append(only_images(camera, (number >= start) & (number < start + T)))
     return replace(recording, cameras=tuple(cameras))

@@ -27,7 +27,7 @@ from stcalib_ros.core.lifting.limits import (
     VERY_SHORT_INTERVAL,
 )
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
-from stcalib_ros.core.model.recording import CameraRecording, Recording, Track
+from stcalib_ros.core.model.recording import CameraRecording, Recording, Track, only_images
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
 from stcalib_ros.core.options import Options
 
@@ -80,7 +80,7 @@ def mended_time_base(recording: Recording, options: Options) -> TimeBase:
         if used is not None and not used.all():
             left_out = {"n_left_out": int((~used).sum()), "n_images": len(used)}
             remarks.append(Remark(RemarkCode.IMAGES_LEFT_OUT, (camera.name,), left_out))
-            cameras[k] = _only(camera, used)
+            cameras[k] = only_images(camera, used)
     return TimeBase(replace(recording, cameras=tuple(cameras)), faults, tuple(remarks))
 
 
@@ -223,23 +223,3 @@ def _fullest(stamps: Float64Array, reach_s: float) -> tuple[float, float]:
     edges = np.concatenate([[0], np.flatnonzero(np.diff(times) > reach_s) + 1, [len(times)]])
     k = int(np.diff(edges).argmax())
     return float(times[edges[k]]), float(times[edges[k + 1] - 1])
-
-
-def _only(camera: CameraRecording, used: BoolArray) -> CameraRecording:
-    """Return a camera with some of its images only."""
-    number = np.cumsum(used) - 1
-    tracks = []
-    for track in camera.tracks:
-        rows = used[track.frames]
-        if rows.any():
-            tracks.append(
-                replace(
-                    track,
-                    frames=number[track.frames[rows]],
-                    keypoints=track.keypoints[rows],
-                    joints=track.joints[rows],
-                    scores=track.scores[rows],
-                )
-            )
-    received = None if camera.received is None else camera.received[used]
-    return replace(camera, stamps=camera.stamps[used], tracks=tuple(tracks), received=received)

@@ -12,7 +12,7 @@ from enum import Enum
 
 import numpy as np
 
-from stcalib_ros.core.model.arrays import Float64Array, FloatArray, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
 
 
@@ -81,6 +81,16 @@ class Track:
     keypoints: FloatArray
     joints: FloatArray
     scores: FloatArray
+
+    def __getitem__(self, some: slice | BoolArray) -> Track:
+        """The same person in some of the frames."""
+        return Track(
+            self.track_id,
+            self.frames[some],
+            self.keypoints[some],
+            self.joints[some],
+            self.scores[some],
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,21 +216,25 @@ def unknown_joints(keypoints: FloatArray) -> FloatArray:
     return np.broadcast_to(nothing, (*keypoints.shape[:2], 3))
 
 
+def only_images(camera: CameraRecording, used: BoolArray) -> CameraRecording:
+    """Return a camera with some of its images (N,); tracks without any of them are left out."""
+    number = np.cumsum(used) - 1
+    parts = [track[used[track.frames]] for track in camera.tracks]
+    return replace(
+        camera,
+        stamps=camera.stamps[used],
+        tracks=tuple(replace(p, frames=number[p.frames]) for p in parts if len(p.frames)),
+        received=None if camera.received is None else camera.received[used],
+    )
+
+
 def _part(camera: CameraRecording, start_s: float, end_s: float) -> CameraRecording:
     first, last = np.searchsorted(camera.stamps, [start_s, end_s])
     tracks = []
     for track in camera.tracks:
         a, b = np.searchsorted(track.frames, [first, last])
         if b > a:
-            tracks.append(
-                replace(
-                    track,
-                    frames=track.frames[a:b] - first,
-                    keypoints=track.keypoints[a:b],
-                    joints=track.joints[a:b],
-                    scores=track.scores[a:b],
-                )
-            )
+            tracks.append(replace(track[a:b], frames=track.frames[a:b] - first))
     return replace(
         camera,
         stamps=camera.stamps[first:last],

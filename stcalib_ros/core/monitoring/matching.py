@@ -17,7 +17,7 @@ from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, I
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.clocks import clock_correction
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack, time_span
-from stcalib_ros.core.model.recording import CameraRecording, Recording
+from stcalib_ros.core.model.recording import CameraRecording, Recording, only_images
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.rolling_shutter import with_known_line_times
 from stcalib_ros.core.model.skeleton import common_skeleton
@@ -149,19 +149,7 @@ def _thinned(camera: CameraRecording) -> CameraRecording:
     stride = max(1, int(1.0 / (RATE_HZ * frame_period(camera.stamps)) + 0.5))
     if stride == 1:
         return camera
-    tracks = []
-    for track in camera.tracks:
-        rows = track.frames % stride == 0
-        tracks.append(
-            replace(
-                track,
-                frames=track.frames[rows] // stride,
-                keypoints=track.keypoints[rows],
-                joints=track.joints[rows],
-                scores=track.scores[rows],
-            )
-        )
-    return replace(camera, stamps=camera.stamps[::stride], tracks=tuple(tracks), received=None)
+    return only_images(camera, np.arange(len(camera.stamps)) % stride == 0)
 
 
 def _on_reference_clock(

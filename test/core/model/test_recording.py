@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stcalib_ros.core.model.recording import excerpt, keypoints_only
+from stcalib_ros.core.model.recording import (
+    Track,
+    excerpt,
+    keypoints_only,
+    only_images,
+    unknown_joints,
+)
+from stcalib_ros.core.synthetic import SceneOptions, simulate
 
 
 def test_two_halves_are_the_whole(small_scene):
@@ -60,3 +67,22 @@ def test_nothing_is_left_empty(small_scene):
     part = excerpt(small_scene.recording, 50.0, 60.0)
     assert [len(c.stamps) for c in part.cameras] == [0, 0, 0]
     assert not any(c.tracks for c in part.cameras)
+
+
+def test_some_images_keep_their_stamps_and_people_and_tracks_without_any_go(rng):
+    def track(frames):
+        n = len(frames)
+        x = rng.normal(size=(n, 17, 2))
+        return Track(len(frames), np.array(frames), x, unknown_joints(x), np.ones((n, 17)))
+
+    (camera,) = simulate(SceneOptions(n_cameras=1, n_frames=6)).recording.cameras
+    camera = replace(
+        camera, tracks=(track([0, 1, 2, 4]), track([1, 3])), received=camera.stamps + 0.1
+    )
+    used = np.array([True, False, True, False, True, True])
+    some = only_images(camera, used)
+    np.testing.assert_array_equal(some.stamps, camera.stamps[used])
+    np.testing.assert_array_equal(some.received, camera.received[used])
+    (left,) = some.tracks
+    assert left.frames.tolist() == [0, 1, 2]
+    np.testing.assert_array_equal(left.keypoints, camera.tracks[0].keypoints[[0, 2, 3]])
