@@ -8,6 +8,7 @@ from numbers import Integral, Real
 from typing import Any, NamedTuple, TypeVar
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.scale_cues import Distance, distances_from_list
 
 METHODS = ("correlation", "vmf")
@@ -216,6 +217,36 @@ class ScaleOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class LensOptions:
+    """Lenses that are estimated.
+
+    Attributes
+    ----------
+    focal_stddev : float
+        Relative standard deviation of the focal length that is given, where it is refined.
+    principal_point_stddev : float
+        Standard deviation of the principal point, from the one given or the middle of the image, as
+        a fraction of the width.
+    radial_terms : int
+        Coefficients of radial distortion that are estimated: k1, or k1 and k2.
+    shared : bool
+        All cameras have one lens: cameras of one model.
+    """
+
+    focal_stddev: float = _within(0.1, 1e-4, 1.0)
+    principal_point_stddev: float = _within(0.01, 1e-5, 0.5)
+    radial_terms: int = _within(1, 0, 2)
+    shared: bool = False
+
+    def __post_init__(self) -> None:
+        _require_valid(self, "lens.")
+
+
+INTRINSICS = tuple(one.value for one in LensKnowledge)
+"""What intrinsics can be worth, by the names of the option."""
+
+
+@dataclass(frozen=True, slots=True)
 class Options:
     """Options of `stcalib_ros.core.pipeline.calibrate`.
 
@@ -238,7 +269,11 @@ class Options:
     estimate_line_time : bool
         Estimate the line times of rolling shutters, from those of the recording on; not with
         ``registration.method`` "vmf".
-    registration, vmf, integration, bundle, scale : options of their own
+    intrinsics : str
+        What the intrinsics of cameras are worth for which the recording does not say: "given",
+        "refine" or "unknown", see `LensKnowledge`; the latter two not with
+        ``registration.method`` "vmf".
+    registration, vmf, integration, bundle, scale, lens : options of their own
         Options of single stages.
     """
 
@@ -252,15 +287,23 @@ class Options:
     integration: IntegrationOptions = field(default_factory=IntegrationOptions)
     bundle: BundleOptions = field(default_factory=BundleOptions)
     scale: ScaleOptions = field(default_factory=ScaleOptions)
+    lens: LensOptions = field(default_factory=LensOptions)
     world_frame: str = ""
     estimate_line_time: bool = False
+    intrinsics: str = LensKnowledge.GIVEN.value
 
     def __post_init__(self) -> None:
         _require_valid(self, "")
+        _require_one_of("intrinsics", self.intrinsics, INTRINSICS)
         if self.estimate_line_time and self.registration.method == "vmf":
             raise InputError(
                 "estimate_line_time: registration.method vmf takes line times as they are given; "
                 "give them (line_time_s of a camera), or take correlation"
+            )
+        if self.intrinsics != LensKnowledge.GIVEN.value and self.registration.method == "vmf":
+            raise InputError(
+                f"intrinsics: {self.intrinsics}: registration.method vmf takes lenses as they are "
+                "given; give them, or take correlation"
             )
 
     @property

@@ -84,7 +84,7 @@ def test_every_number_among_the_options_has_a_range_that_holds_its_default():
     ranges = option_ranges()
     records = {"": Options()} | {
         f"{name}.": getattr(Options(), name)
-        for name in ("registration", "vmf", "integration", "bundle", "scale")
+        for name in ("registration", "vmf", "integration", "bundle", "scale", "lens")
     }
     numbers = {
         f"{prefix}{one.name}": getattr(record, one.name)

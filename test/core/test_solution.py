@@ -21,10 +21,10 @@ from stcalib_ros.core.solution import CalibrationProblem, adjust_rigs
 
 
 @pytest.fixture(scope="module")
-def problem(small_stages):
+def problem(small_stages, small_scene):
     names = tuple(camera.name for camera in small_stages.lifted)
     return CalibrationProblem(
-        LiftedViews(small_stages.skeleton, small_stages.lifted),
+        LiftedViews(small_stages.skeleton, small_stages.lifted, small_scene.recording),
         (0, 1, 2),
         Exclusions(names, HALF_SECOND.offset_range_s),
         common_grid(small_stages.lifted),

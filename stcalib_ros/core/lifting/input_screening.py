@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.lifting.assumed_lenses import with_assumed_lenses
 from stcalib_ros.core.lifting.input_values import (
     with_scores_of_one,
     without_repeated_images,
@@ -82,7 +83,7 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     InputError
         No camera has a CameraInfo that can be: whoever makes it makes it wrong.
     """
-    timed = mended_time_base(recording, options)
+    timed = mended_time_base(with_assumed_lenses(recording, options), options)
     read = [_read(camera, options.min_score) for camera in timed.recording.cameras]
     given = replace(timed.recording, cameras=tuple(one.camera for one in read))
     faults = {one.camera.name: one.fault for one in read if one.fault is not None}

@@ -26,6 +26,7 @@ from stcalib_ros.core.lifting.limits import (
     ROTATION_PRIOR,
 )
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.recording import CameraRecording, Recording, Track, unknown_joints
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter, shutter_of
@@ -112,11 +113,18 @@ def _lift_camera(
             relative = None if shutter is None else rows[usable] - shutter.middle_row
             own = (x_used, focal_used, joints_used, root_used, relative)
             tracks.append(LiftedTrack(track.track_id, track.frames[usable], *own))
-    shutter = shutter or GLOBAL
+    return _lifted(camera, shutter or GLOBAL, tracks)
+
+
+def _lifted(
+    camera: CameraRecording, shutter: Shutter, tracks: Sequence[LiftedTrack]
+) -> LiftedCamera:
     return LiftedCamera(
         *(camera.name, shutter.times(camera.stamps), tuple(tracks), shutter),
         received=camera.received,
         intrinsics=camera.intrinsics,
+        lens_knowledge=camera.lens_knowledge or LensKnowledge.GIVEN,
+        lens_group=camera.lens_group,
     )
 
 

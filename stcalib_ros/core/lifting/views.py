@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 from stcalib_ros.core.lifting.lift import lift_recording
 from stcalib_ros.core.model.lifted import LiftedCamera
-from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.recording import Intrinsics, Recording
 from stcalib_ros.core.model.skeleton import Skeleton, common_skeleton
 from stcalib_ros.core.options import Options
 
@@ -20,10 +21,13 @@ class LiftedViews:
     skeleton : Skeleton
     lifted : tuple of LiftedCamera
         In the order of the recording.
+    recording : Recording
+        What was lifted.
     """
 
     skeleton: Skeleton
     lifted: tuple[LiftedCamera, ...]
+    recording: Recording
 
 
 def lift_views(recording: Recording, options: Options) -> LiftedViews:
@@ -42,4 +46,23 @@ def lift_views(recording: Recording, options: Options) -> LiftedViews:
         rows=options.estimate_line_time,
         from_first_row=options.estimate_line_time and options.synchronised,
     )
-    return LiftedViews(skeleton, lifted)
+    return LiftedViews(skeleton, lifted, recording)
+
+
+def with_lenses(
+    views: LiftedViews, lenses: Mapping[int, Intrinsics], options: Options
+) -> LiftedViews:
+    """Lift some cameras again, by other lenses.
+
+    Parameters
+    ----------
+    views : LiftedViews
+    lenses : mapping of int to Intrinsics
+        By the index of the camera; the others stay as they are.
+    options : Options
+    """
+    cameras = list(views.recording.cameras)
+    for c, lens in lenses.items():
+        cameras[c] = replace(cameras[c], intrinsics=lens)
+    recording = replace(views.recording, cameras=tuple(cameras))
+    return lift_views(recording, options)

@@ -9,6 +9,7 @@ from enum import IntEnum
 import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.model.rejection import Rejection, Remark
 from stcalib_ros.core.model.rejection_text import camera_sentence, sentence
@@ -32,6 +33,7 @@ class CameraCalibration:
     ----------
     name, frame_id : str
     intrinsics : Intrinsics
+        Those given, or those estimated.
     R_ref_cam : (3, 3) ndarray
     t_ref_cam : (3,) ndarray
         ``x_ref = R_ref_cam @ x_cam + t_ref_cam``; the camera's centre in the reference frame.
@@ -48,6 +50,10 @@ class CameraCalibration:
         Line delay of a rolling shutter, seconds per row: the offset holds for row 0. The standard
         deviation is NaN where the line delay was not estimated. One that is not observable is
         the given one, with the standard deviation that it would have had.
+    lens_knowledge : LensKnowledge
+        Whether the intrinsics were given, or estimated from what was known of them.
+    lens_stddev : LensStddev or None
+        How well they are known; None where they were given.
     """
 
     name: str
@@ -62,6 +68,8 @@ class CameraCalibration:
     clock_skew_stddev: float = float("nan")
     line_time_s: float = 0.0
     line_time_stddev_s: float = float("nan")
+    lens_knowledge: LensKnowledge = LensKnowledge.GIVEN
+    lens_stddev: LensStddev | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter
 
@@ -70,6 +71,10 @@ class LiftedCamera:
         Time at which a recorder received each image, as in `CameraRecording`.
     intrinsics : Intrinsics, optional
         Lens by which its keypoints were undistorted.
+    lens_knowledge : LensKnowledge
+        What this lens is worth.
+    lens_group : str
+        Cameras of one group that is not empty have one lens.
     """
 
     name: str
@@ -78,6 +83,8 @@ class LiftedCamera:
     shutter: Shutter = GLOBAL
     received: Float64Array | None = None
     intrinsics: Intrinsics | None = None
+    lens_knowledge: LensKnowledge = LensKnowledge.GIVEN
+    lens_group: str = ""
 
 
 def time_span(cameras: Sequence[LiftedCamera], offset_s: Iterable[float]) -> tuple[float, float]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 
 
 class LensModel(Enum):
@@ -35,7 +36,7 @@ class Intrinsics:
     model : LensModel
         How `D` is to be read.
     K : (3, 3) ndarray
-        Pinhole matrix, px.
+        Pinhole matrix, px; NaN where only the size of the image is known.
     D : (n,) ndarray
         Distortion coefficients in OpenCV's order; empty or zero: none.
     R_rect_cam : (3, 3) ndarray
@@ -53,6 +54,17 @@ class Intrinsics:
     D: Float64Array
     R_rect_cam: Float64Array = field(default_factory=lambda: np.eye(3))
     sensor: tuple[float, float, float, float] | None = None
+
+    @property
+    def known(self) -> bool:
+        """Whether more than the size of the image is known."""
+        return bool(np.isfinite(self.K).all())
+
+
+def unknown_intrinsics(width: int, height: int) -> Intrinsics:
+    """Return the lens of a camera of which only the size of the image is known, px."""
+    nothing = np.full((3, 3), np.nan)
+    return Intrinsics(width, height, LensModel.PLUMB_BOB, nothing, np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,6 +130,10 @@ class CameraRecording:
     received : (N,) ndarray or None
         Time at which a recorder received each image by the recorder's clock, which is one for all
         cameras: seconds since `Recording.epoch_ns`; NaN where unknown, None where nothing is.
+    lens_knowledge : LensKnowledge or None
+        What `intrinsics` are worth; None: as `Options.intrinsics` has it.
+    lens_group : str
+        Cameras of one group that is not empty have one lens: cameras of one model.
     """
 
     name: str
@@ -129,6 +145,8 @@ class CameraRecording:
     metric: bool = False
     line_time_s: float = 0.0
     received: Float64Array | None = None
+    lens_knowledge: LensKnowledge | None = None
+    lens_group: str = ""
 
     @property
     def has_3d_poses(self) -> bool:
