@@ -49,6 +49,9 @@ class RadialProfile:
 
     def at(self, r: Float64Array) -> RadialPoint:
         """Distortion at distances r (..., C, P)."""
+        if not (self.fisheye.any() or self.k.any() or self.q.any()):
+            one = np.ones_like(r)
+            return RadialPoint(r, r**2, one, one, one, one)
         fisheye, k, q = self.fisheye[:, None], self.k.T[..., None], self.q.T[..., None]
         t = np.where(fisheye, np.arctan(r), r) if fisheye.any() else r
         square = t**2
@@ -56,14 +59,18 @@ class RadialProfile:
         denominator, its_growth = _polynomial(q, square)
         ratio = numerator / denominator
         by_t = ratio + (growth - ratio * its_growth) / denominator
-        by_r = np.where(fisheye, 1.0 / (1.0 + r**2), 1.0)
-        slope = np.maximum(by_t * by_r, LEAST_SLOPE)
-        t_over_r = np.where(r > _TINY, t / np.maximum(r, _TINY), 1.0)
+        t_over_r = np.ones_like(r)
+        if fisheye.any():
+            by_t = by_t * np.where(fisheye, 1.0 / (1.0 + r**2), 1.0)
+            t_over_r = np.where(r > _TINY, t / np.maximum(r, _TINY), 1.0)
+        slope = np.maximum(by_t, LEAST_SLOPE)
         return RadialPoint(r, square, t_over_r, ratio * t_over_r, slope, t_over_r / denominator)
 
     def inverse(self, d: Float64Array, *, steps: int) -> Float64Array:
         """Distances r (..., C, P) of the images at distances d, by Newton's method."""
-        r = np.where(self.fisheye[:, None], np.tan(np.minimum(d, _WIDEST)), np.minimum(d, _FARTHEST))
+        r = np.where(
+            self.fisheye[:, None], np.tan(np.minimum(d, _WIDEST)), np.minimum(d, _FARTHEST)
+        )
         for _ in range(steps):
             at = self.at(r)
             r = np.clip(r - (at.gain * r - d) / at.slope, 0.0, _FARTHEST)
@@ -105,13 +112,11 @@ def _polynomial(c: Float64Array, square: Float64Array) -> tuple[Float64Array, Fl
     """``1 + c_1 s + c_2 s^2 + ...`` and twice its derivative times s, with ``s = t^2``."""
     if not c.any():
         return np.ones_like(square), np.zeros_like(square)
-    value, growth = np.ones_like(square), np.zeros_like(square)
-    power = square
-    for n, one in enumerate(c, start=1):
-        value = value + one * power
-        growth = growth + 2 * n * one * power
-        power = power * square
-    return value, growth
+    value, growth = np.zeros_like(square), np.zeros_like(square)
+    for n, one in reversed([*enumerate(c, start=1)]):
+        if value.any() or one.any():
+            value, growth = (value + one) * square, (growth + 2 * n * one) * square
+    return 1.0 + value, growth
 
 
 def radial_profile(lenses: Sequence[Intrinsics]) -> RadialProfile:
@@ -135,8 +140,6 @@ def radial_columns(lens: Intrinsics) -> IntArray:
 
 def is_radial(lens: Intrinsics) -> bool:
     """Whether a lens has square pixels' axes and no other distortion than a radial one."""
-    bent = lens.model is not LensModel.EQUIDISTANT and bool(
-        lens.D[2:4].any() or lens.D[8:].any()
-    )
+    bent = lens.model is not LensModel.EQUIDISTANT and bool(lens.D[2:4].any() or lens.D[8:].any())
     upright = np.array_equal(lens.R_rect_cam, np.eye(3)) and lens.K[0, 1] == 0
     return upright and not bent
