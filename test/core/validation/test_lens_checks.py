@@ -15,6 +15,7 @@ from stcalib_ros.core.model.rejection_text import sentence
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.synthetic import SceneOptions, simulate
+from stcalib_ros.core.validation import lens_hypotheses
 from stcalib_ros.core.validation.lens_checks import lens_faults
 
 K = np.array([1400.0, 1400.0])
@@ -25,6 +26,11 @@ MIDDLE = np.array([960.0, 540.0])
 def stages():
     scene = simulate(SceneOptions(n_frames=150, seed=21))
     return run_stages(keypoints_only(scene.recording), Options(offset_range_s=0.5))
+
+
+@pytest.fixture(autouse=True)
+def _few_keypoints(monkeypatch):
+    monkeypatch.setattr(lens_hypotheses, "_KEYPOINTS", 4_000)
 
 
 def faults(stages, change, cameras):
