@@ -126,8 +126,8 @@ def radial_profile(lenses: Sequence[Intrinsics]) -> RadialProfile:
         own = radial_columns(lens)
         present = own[own < lens.D.size]
         k[c, : len(present)] = lens.D[present]
-        rational = lens.model is not LensModel.EQUIDISTANT and lens.D.size >= 8
-        q[c, :3] = lens.D[5:8] if rational else 0.0
+        denominator = lens.D[5:8]
+        q[c, : len(denominator)] = denominator
     fisheye = np.array([lens.model is LensModel.EQUIDISTANT for lens in lenses], dtype=bool)
     return RadialProfile(fisheye, k, q)
 
