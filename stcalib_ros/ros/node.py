@@ -174,15 +174,9 @@ class Calibrator:
         self._begin()
         return done
 
-    def save(self, path: str) -> Path:
-        """Write the calibration in force to a file below the results folder.
-
-        Raises
-        ------
-        InputError
-            There is none yet, or the path cannot be written to.
-        """
-        return self.in_force.export(path)
+    def save(self, path: str, form: str) -> Path:
+        """Write the calibration in force below the results folder, see `InForce.export`."""
+        return self.in_force.export(path, form)
 
     def message(self, calibration: Calibration, run_id: str) -> CalibrationResult:
         """Message of a calibration, stamped with the end of its data; of a failure, with now."""
