@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ def write_camera_info(calibration: Calibration, folder: Path) -> tuple[Path, ...
     return paths
 
 
-def require_camera_info_writable(names: list[str], folder: Path) -> tuple[Path, ...]:
+def require_camera_info_writable(names: Sequence[str], folder: Path) -> tuple[Path, ...]:
     """Make sure, before the long work, that cameras of these names can be written to a folder.
 
     Parameters and errors are those of `write_camera_info`, and so is what it returns.
@@ -68,7 +69,7 @@ def require_camera_info_writable(names: list[str], folder: Path) -> tuple[Path, 
     if n > 1:
         same = [name for name, own in zip(names, paths, strict=True) if own == path]
         raise InputError(f"cameras {', '.join(same)} would have one file, {path}: rename one")
-    for path in paths:
+    for path in (*paths, folder / "camera.yaml"):
         require_writable(path)
     return paths
 
