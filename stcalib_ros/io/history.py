@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
-from stcalib_ros.io.camera_info_yaml import require_camera_info_writable, write_camera_info
+from stcalib_ros.io.camera_info_yaml import write_camera_info
 from stcalib_ros.io.files import sweep, sync_folder, write_text
 from stcalib_ros.io.limits import MAX_FILES
 from stcalib_ros.io.results import read_result, result_text
@@ -168,7 +168,7 @@ class History:
         with _writing(name):
             path = self._file_below(name)
             sweep(path.parent)
-            _require_room([path], path.parent)
+            _require_room(path.parent, 0 if path.exists() else 1)
         write_text(path, result_text(calibration))
         return path
 
@@ -190,10 +190,11 @@ class History:
         self._make_folder()
         with _writing(name):
             folder = self._folder_below(name)
-            _require_room([folder], folder.parent)
-            paths = require_camera_info_writable([c.name for c in calibration.cameras], folder)
+            if not folder.exists():
+                _require_room(folder.parent, 1)
+                folder.mkdir()
             sweep(folder)
-            _require_room(paths, folder)
+            _require_room(folder, len(calibration.cameras))
         write_camera_info(calibration, folder)
         return folder
 
@@ -285,11 +286,10 @@ def _writing(name: str) -> Iterator[None]:
         raise InputError(f"cannot write {name!r}: {problem}") from error
 
 
-def _require_room(paths: Sequence[Path], folder: Path) -> None:
-    """Demand that new files do not fill a folder beyond what it may hold."""
-    there = sum(1 for _ in folder.iterdir())
-    if there + sum(not path.exists() for path in paths) > MAX_FILES:
-        raise InputError(f"{folder} has {MAX_FILES} files already; remove some")
+def _require_room(folder: Path, n: int) -> None:
+    """Demand that so many new files do not fill a folder beyond what it may hold."""
+    if sum(1 for _ in folder.iterdir()) + n > MAX_FILES:
+        raise InputError(f"{folder} has room for no more than {MAX_FILES} files; remove some")
 
 
 def _regular(path: Path) -> Path:

@@ -369,7 +369,7 @@ def test_export_does_not_fill_the_disk(history):
     history.add(calibration(10))
     for n in range(MAX_FILES - 1):
         (history.folder / f"{n}.yaml").touch()
-    with pytest.raises(InputError, match="files already"):
+    with pytest.raises(InputError, match="no more than 1000 files"):
         history.export(calibration(10), "one_more.yaml")
     assert history.export(calibration(10), "1.yaml").stat().st_size > 0
 
@@ -406,12 +406,12 @@ def test_lenses_are_written_nowhere_else(history, tmp_path, name):
 
 
 def test_lenses_do_not_fill_the_disk(history):
-    history.export_camera_info(calibration(10), "lenses")
-    for n in range(MAX_FILES - 2):
-        (history.folder / "lenses" / f"{n}.yaml").touch()
-    assert history.export_camera_info(calibration(10), "lenses").is_dir()
-    (history.folder / "lenses" / "cam1.yaml").rename(history.folder / "lenses" / "cam9.yaml")
-    with pytest.raises(InputError, match="files already"):
+    folder = history.export_camera_info(calibration(10), "lenses")
+    for n in range(MAX_FILES - 4):
+        (folder / f"{n}.yaml").touch()
+    assert history.export_camera_info(calibration(10), "lenses") == folder
+    (folder / "one_more.yaml").touch()
+    with pytest.raises(InputError, match="no more than 1000 files"):
         history.export_camera_info(calibration(10), "lenses")
 
 
