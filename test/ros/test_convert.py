@@ -17,7 +17,6 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 from stcalib_ros.msg import CalibrationResult, PersonPose3D, PersonPose3DArray
 
-from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
