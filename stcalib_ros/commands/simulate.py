@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import Field, fields
+from dataclasses import Field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from stcalib_ros.commands.bag_and_truth import add_output_arguments, require_outputs, write_outputs
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.model.recording import Recording, keypoints_only
+from stcalib_ros.core.model.recording import Recording, keypoints_only, unknown_intrinsics
 from stcalib_ros.core.synthetic import BIAS_FORMS, PEOPLE, SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.rigs import read_rig
@@ -20,6 +20,7 @@ and its true values.
 
   stcalib simulate scene.mcap --truth scene_truth.yaml --n-cameras 6 --seed 3
   stcalib simulate flat.mcap --truth flat_truth.yaml --keypoints-only
+  stcalib simulate free.mcap --truth free_truth.yaml --unknown-lenses
 """
 
 _HELP = {
@@ -71,6 +72,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CAM",
         help="this camera has no 3D poses; may be repeated",
     )
+    parser.add_argument(
+        "--unknown-lenses",
+        action="store_true",
+        help="K of every CameraInfo is zero, as of drivers without a calibration file",
+    )
     for field in fields(SceneOptions):
         flag = f"--{field.name.replace('_', '-')}"
         text = _HELP[field.name]
@@ -92,7 +98,10 @@ def run(args: argparse.Namespace) -> None:
     """
     require_outputs(args)
     scene = simulate(scene_options(args), clips=shipped_clips())
-    write_outputs(args, _given_poses(scene.recording, args), scene.truth)
+    recording = _given_poses(scene.recording, args)
+    if args.unknown_lenses:
+        recording = _without_lenses(recording)
+    write_outputs(args, recording, scene.truth)
 
 
 def _given_poses(recording: Recording, args: argparse.Namespace) -> Recording:
@@ -105,6 +114,13 @@ def _given_poses(recording: Recording, args: argparse.Namespace) -> Recording:
             f"--keypoints-only-of {unknown[0]}: no such camera; there are {', '.join(names)}"
         )
     return keypoints_only(recording, wanted)
+
+
+def _without_lenses(recording: Recording) -> Recording:
+    lenses = [camera.intrinsics for camera in recording.cameras]
+    unknown = [unknown_intrinsics(lens.width, lens.height) for lens in lenses]
+    pairs = zip(recording.cameras, unknown, strict=True)
+    return replace(recording, cameras=tuple(replace(c, intrinsics=lens) for c, lens in pairs))
 
 
 def scene_options(args: argparse.Namespace) -> SceneOptions:
