@@ -13,6 +13,13 @@ from stcalib_ros.core.model.recording import Intrinsics, LensModel
 _HIP_HEIGHT = 0.95
 """Metres. Height of the hips of an adult, at which the cameras of a ring look."""
 
+DISTORTION_TERMS = {
+    LensModel.PLUMB_BOB: 5,
+    LensModel.RATIONAL_POLYNOMIAL: 8,
+    LensModel.EQUIDISTANT: 4,
+}
+"""Number of coefficients of each lens model in OpenCV."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneRig:
@@ -56,9 +63,11 @@ def ring_rig(
     n_cameras: int,
     *,
     image_size: tuple[int, int],
-    focal_px: float,
+    focal_px: float | tuple[float, ...],
     radius_m: tuple[float, float],
     height_m: tuple[float, float],
+    model: LensModel = LensModel.PLUMB_BOB,
+    distortion: tuple[float, ...] = (),
 ) -> SceneRig:
     """Place cameras around the origin that look at its surroundings; z is up, the floor at 0."""
     even = np.arange(n_cameras) / n_cameras
@@ -67,15 +76,23 @@ def ring_rig(
     centre = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=-1)
     target = np.array([0.0, 0.0, _HIP_HEIGHT]) + 0.15 * rng.standard_normal((n_cameras, 3))
     R = np.stack([_looking(a, b) for a, b in zip(centre, target, strict=True)])
-    width, tall = image_size
-    K = np.array([[focal_px, 0, width / 2], [0, focal_px, tall / 2], [0, 0, 1.0]])
-    lens = Intrinsics(width, tall, LensModel.PLUMB_BOB, K, np.zeros(5))
+    D = np.pad(distortion, (0, DISTORTION_TERMS[model] - len(distortion)))
+    focal = np.broadcast_to(focal_px, n_cameras)
     return SceneRig(
         tuple(f"cam{c}" for c in range(n_cameras)),
-        (lens,) * n_cameras,
+        tuple(_centred(image_size, float(f), model, D) for f in focal),
         R,
         -np.einsum("cab,cb->ca", R, centre),
     )
+
+
+def _centred(
+    image_size: tuple[int, int], focal_px: float, model: LensModel, D: Float64Array
+) -> Intrinsics:
+    """Return a lens of square pixels whose axis meets the middle of the image."""
+    width, tall = image_size
+    K = np.array([[focal_px, 0, width / 2], [0, focal_px, tall / 2], [0, 0, 1.0]])
+    return Intrinsics(width, tall, model, K, D)
 
 
 def staged(rig: SceneRig, *, scale: float = 1.0) -> SceneRig:
