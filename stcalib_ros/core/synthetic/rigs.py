@@ -68,6 +68,7 @@ def ring_rig(
     height_m: tuple[float, float],
     model: LensModel = LensModel.PLUMB_BOB,
     distortion: tuple[float, ...] = (),
+    principal_point_px: tuple[float, float] = (0.0, 0.0),
 ) -> SceneRig:
     """Place cameras around the origin that look at its surroundings; z is up, the floor at 0."""
     even = np.arange(n_cameras) / n_cameras
@@ -77,22 +78,27 @@ def ring_rig(
     target = np.array([0.0, 0.0, _HIP_HEIGHT]) + 0.15 * rng.standard_normal((n_cameras, 3))
     R = np.stack([_looking(a, b) for a, b in zip(centre, target, strict=True)])
     D = np.pad(distortion, (0, DISTORTION_TERMS[model] - len(distortion)))
+    at = 0.5 * np.array(image_size) + principal_point_px
     focal = np.broadcast_to(focal_px, n_cameras)
     return SceneRig(
         tuple(f"cam{c}" for c in range(n_cameras)),
-        tuple(_centred(image_size, float(f), model, D) for f in focal),
+        tuple(_lens(image_size, float(f), at, model, D) for f in focal),
         R,
         -np.einsum("cab,cb->ca", R, centre),
     )
 
 
-def _centred(
-    image_size: tuple[int, int], focal_px: float, model: LensModel, D: Float64Array
+def _lens(
+    image_size: tuple[int, int],
+    focal_px: float,
+    principal_point_px: Float64Array,
+    model: LensModel,
+    D: Float64Array,
 ) -> Intrinsics:
-    """Return a lens of square pixels whose axis meets the middle of the image."""
-    width, tall = image_size
-    K = np.array([[focal_px, 0, width / 2], [0, focal_px, tall / 2], [0, 0, 1.0]])
-    return Intrinsics(width, tall, model, K, D)
+    """Return a lens of square pixels."""
+    cx, cy = principal_point_px
+    K = np.array([[focal_px, 0, cx], [0, focal_px, cy], [0, 0, 1.0]])
+    return Intrinsics(*image_size, model, K, D)
 
 
 def staged(rig: SceneRig, *, scale: float = 1.0) -> SceneRig:

@@ -141,6 +141,7 @@ def make_rig(rng: np.random.Generator, options: SceneOptions) -> SceneRig:
         height_m=options.ring_height_m,
         model=LensModel(options.lens_model),
         distortion=options.distortion,
+        principal_point_px=options.principal_point_px,
     )
 
 
