@@ -18,6 +18,7 @@ from stcalib_ros.core.integration.exclusions import (
     largest_part,
     require_parallax,
 )
+from stcalib_ros.core.lifting.views import LiftedViews
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.paper.registration import PairRegistration
@@ -38,10 +39,13 @@ class Registered:
         Relative poses of all pairs of cameras; a pair may have several.
     windows : tuple of PairRegistration
         What the paper's method found on its windows, pair by pair; empty with the default.
+    views : LiftedViews or None
+        All cameras lifted by the lenses that the pairs agree on; None: they stay as they were.
     """
 
     hypotheses: tuple[RelativePose, ...]
     windows: tuple[PairRegistration, ...] = ()
+    views: LiftedViews | None = None
 
 
 @dataclass(frozen=True, slots=True)
