@@ -47,7 +47,6 @@ MIN_LIMIT_DOC = 40
 CALLED_FROM_OUTSIDE = {
     "excerpt": "cuts a recording in time: for users, benchmarks and tests",
     "camera_from_arrays": "public interface",
-    "focal_length_prior": "for the search of lenses",
 }
 """Public functions of core/ that nothing in the package calls, with the reason."""
 
