@@ -222,7 +222,7 @@ class _Costs:
     def _stepped(
         self, views: TwoViews, H: Float64Array, g: Float64Array, damping: float
     ) -> TwoViews:
-        step: Float64Array = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
+        step = np.asarray(-np.linalg.solve(H + damping * np.diag(np.diag(H)), g), np.float64)
         of_pairs = step[: self.n_poses].reshape(-1, OF_PAIR)
         of_lenses = np.clip(step[self.n_poses :], -_MAX_LENS_STEP, _MAX_LENS_STEP)
         moved = views.moved(of_pairs, self.unknowns.steps(of_lenses))
