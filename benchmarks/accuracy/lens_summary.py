@@ -31,6 +31,10 @@ NEES = (0.7, 1.5)
 
 _RATIOS = {"E_R": MAX_POSE_RATIO, "E_t": MAX_POSE_RATIO, "E_delta": MAX_OFFSET_RATIO}
 
+_OF_RAYS = {"E_R": "E_R_rays", "E_t": "E_t_rays"}
+"""Errors of poses, and what is left of them where principal points that are off count as rotations:
+within what is known of these, a rotation by the same angle cannot be told from them."""
+
 
 def lens_section(kind: LensScenario, runs: Sequence[LensRun], poses: str) -> Section:
     """Summarize the scenes of a kind beside their targets."""
@@ -39,8 +43,12 @@ def lens_section(kind: LensScenario, runs: Sequence[LensRun], poses: str) -> Sec
     for name in ("E_f", "E_k1"):
         limits = {"median": kind.scenario.medians.get(name)}
         rows.append(distribution(name, errors_of(estimated, name), limits))
+        rows.append(_above_floor(name, runs))
     for name, limit in _RATIOS.items():
         rows += _beside(name, estimated, given, limit if kind.has_targets else None)
+        rows += [_above_floor(name, runs)] if name in _OF_RAYS else []
+    for name in _OF_RAYS.values():
+        rows += _beside(name, estimated, given, None)
     for kind_of, blocks in (("poses", POSE_BLOCKS), ("lenses", LENS_BLOCKS)):
         values = [row for one in runs for row in getattr(one, kind_of)]
         rows += _consistency(blocks, values, asked=kind.has_targets)
@@ -69,6 +77,13 @@ def _beside(
     ours, usual = (errors_of(runs, name) for runs in (estimated, given))
     ratio = _ratio(float(np.median(ours)), float(np.median(usual)))
     return [distribution(name, ours, {}), single(f"{name} / given", ratio, limit)]
+
+
+def _above_floor(name: str, runs: Sequence[LensRun]) -> Row:
+    """Return the median of an error at the Cramer-Rao bound, and how far the error is above it."""
+    floor = float(np.median([getattr(one.floor, name) for one in runs]))
+    ours = float(np.median(errors_of([one.estimated for one in runs], name)))
+    return Row(f"{name} at the floor", f"median {floor:.3g}  {_ratio(ours, floor):.2f}x", "", None)
 
 
 def _ratio(ours: float, usual: float) -> float:
