@@ -246,7 +246,8 @@ def true_problem(views: TrueViews, path: Path) -> tuple[Observations, BundleStat
     )
     Y = camera_points(obs, state)
     x = np.where(obs.observed[..., None], Y[..., :2] / Y[..., 2:], 0.0)
-    return replace(obs, x=x, focal=_pixels_per_unit(views, x)), state
+    focal = np.where(obs.observed, _pixels_per_unit(views, x), 1.0)
+    return replace(obs, x=x, focal=focal), state
 
 
 def _pixels_per_unit(views: TrueViews, x: Float64Array) -> Float64Array:
