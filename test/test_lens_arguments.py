@@ -19,7 +19,7 @@ from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
 from stcalib_ros.core.model.skeleton import common_skeleton
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.camera_info_yaml import read_camera_info_yaml
+from stcalib_ros.io.camera_info_yaml import read_camera_info_yaml, write_camera_info
 from stcalib_ros.io.config import Config
 from stcalib_ros.io.lens_settings import LensSettings
 from stcalib_ros.io.results import read_result, write_result
@@ -78,6 +78,7 @@ def test_of_all_cameras_or_of_one(tmp_path: Path) -> None:
         ("foo", "all cameras: expected given, refine or unknown, got 'foo'"),
         ("cam01=foo", "cam01: expected given, refine or unknown, got 'foo'"),
         ("=refine", "expected CAM=refine, got '=refine'"),
+        ("cam01.yaml", "expected CAM=cam01.yaml, got 'cam01.yaml'"),
     ],
 )
 def test_unusable(value: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -95,6 +96,25 @@ def test_a_camera_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixtur
         "stcalib: intrinsics of camera cam9: no person poses of it; the bag has"
     )
     assert len(error.splitlines()) == 1
+
+
+def test_a_file_takes_the_place_of_camera_info(tmp_path: Path) -> None:
+    (file,) = write_camera_info(
+        dataclasses.replace(estimated(), cameras=estimated().cameras[:1]), tmp_path
+    )
+    own = f"cam01={file}"
+    given = read_bag(BAG, selection=config("--intrinsics", own).selection).cameras
+    np.testing.assert_array_equal(given[0].intrinsics.K, estimated().cameras[0].intrinsics.K)
+    assert [c.lens_knowledge for c in given] == [LensKnowledge.GIVEN, None, None, None]
+    refined = config("--intrinsics", own, "--intrinsics", "cam01=refine").selection
+    assert read_bag(BAG, selection=refined).cameras[0].lens_knowledge is REFINE
+    file.write_text(file.read_text().replace("image_width: 1088", "image_width: 640"))
+    with pytest.raises(
+        stcalib_ros.InputError, match=r"cam01: .* 640 x 1920 px, but .* 1088 x 1920"
+    ):
+        read_bag(BAG, selection=config("--intrinsics", own).selection)
+    with pytest.raises(stcalib_ros.InputError, match=r"no such file: missing\.yaml"):
+        config("--intrinsics", "cam01=missing.yaml")
 
 
 def test_a_bag_without_lenses_says_what_to_set(

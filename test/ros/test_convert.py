@@ -17,7 +17,6 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 from stcalib_ros.msg import CalibrationResult, PersonPose3D, PersonPose3DArray
 
-from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
 from stcalib_ros.core.model.recording import LensModel
@@ -164,10 +163,11 @@ def test_a_camera_info_gives_the_lens_of_its_numbers(model, rectified):
     np.testing.assert_array_equal(given.R_rect_cam, expected.R_rect_cam)
 
 
-def test_an_uncalibrated_camera_is_named():
-    info = camera_info_fields(CameraInfo(width=LENS.width, height=LENS.height))
-    with pytest.raises(InputError, match=r"/cam7/camera_info: .*K\[0\] is 0"):
-        lens(info, rectified=False, topic="/cam7/camera_info")
+@pytest.mark.parametrize("rectified", [False, True])
+def test_of_an_uncalibrated_camera_only_the_size_of_the_image_is_known(rectified):
+    info = camera_info_fields(through_cdr(CameraInfo(width=LENS.width, height=LENS.height)))
+    unknown = lens(info, rectified=rectified, topic="/cam7/camera_info")
+    assert (unknown.known, unknown.width, unknown.height) == (False, LENS.width, LENS.height)
 
 
 def test_poses_become_the_same_arrays():
