@@ -23,7 +23,7 @@ _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_]")
 """What ``camera_info_manager`` refuses in the name of a camera."""
 
 
-def write_camera_info(calibration: Calibration, folder: Path) -> tuple[Path, ...]:
+def write_camera_info(calibration: Calibration, folder: Path | str) -> tuple[Path, ...]:
     """Write the intrinsics of every camera to a file of its own, ``<camera>.yaml``.
 
     They are those of the published image, after binning and region of interest. In the names of
@@ -33,7 +33,7 @@ def write_camera_info(calibration: Calibration, folder: Path) -> tuple[Path, ...
     Parameters
     ----------
     calibration : Calibration
-    folder : Path
+    folder : Path or str
         Made if it is not there; files of these names are replaced, each whole or not at all.
 
     Returns
@@ -45,8 +45,16 @@ def write_camera_info(calibration: Calibration, folder: Path) -> tuple[Path, ...
     ------
     InputError
         A file cannot be written, or two cameras would have the same one.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> truth = st.simulate(st.SceneOptions(n_cameras=2, n_frames=30)).truth
+    >>> [path.name for path in st.write_camera_info(truth, "lenses")]
+    ['cam0.yaml', 'cam1.yaml']
     """
-    paths = require_camera_info_writable([camera.name for camera in calibration.cameras], folder)
+    names = [camera.name for camera in calibration.cameras]
+    paths = require_camera_info_writable(names, Path(folder))
     for path, camera in zip(paths, calibration.cameras, strict=True):
         write_text(path, camera_info_text(camera))
     return paths
