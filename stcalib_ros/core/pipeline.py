@@ -130,7 +130,7 @@ def run_stages(
     calibration, alignment = _judged(screened, problem, solution)
     return Stages(
         views.skeleton,
-        views.lifted,
+        problem.at(solution.last.rig).views.lifted,
         hypotheses,
         rigs,
         solution.iterations,
@@ -169,7 +169,8 @@ def _judged(
     screened: ScreenedInput, problem: CalibrationProblem, solution: Solution
 ) -> tuple[Calibration, WorldAlignment]:
     """Judge a solution, and express it in the unit and frame of the result."""
-    recording, views, options = screened.recording, problem.views, problem.options
+    views, options = problem.at(solution.last.rig).views, problem.options
+    recording = views.recording
     alignment = place(
         recording, views.lifted, views.skeleton, solution.last, solution.covariance, options
     )
