@@ -92,7 +92,7 @@ def _by_found_lenses(
     """Lift the cameras by the lenses that the pairs agree on, and return the tasks by these."""
     found = map_tasks(agreements, tasks, problem.executor, _ticks(problem, "lenses"))
     lenses = find_lenses(problem.views.lifted, tasks, found, problem.options.lens)
-    views = with_lenses(problem.views, lenses, problem.options)
+    views = with_lenses(problem.views, lenses)
     again = zip(_pair_tasks(problem, views), tasks, found, strict=True)
     return views, [with_agreements(*one) for one in again]
 
