@@ -68,7 +68,8 @@ class CalibrationProblem:
 
     def at(self, rig: Rig) -> CalibrationProblem:
         """The problem with the lenses of a rig."""
-        return replace(self, views=with_lenses(self.views, rig))
+        lenses = dict(zip(rig.cameras.tolist(), rig.lenses, strict=False))
+        return replace(self, views=with_lenses(self.views, lenses)) if lenses else self
 
 
 def adjust_rigs(

@@ -13,22 +13,11 @@ import numpy as np
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.lifting.keypoint_checks import has_enough, keypoint_fault
 from stcalib_ros.core.model.rejection import Rejection
-from stcalib_ros.io.messages import (
-    NS,
-    CameraInfoFields,
-    PoseImage,
-    camera_info_fields,
-    lens,
-    pose_image,
-)
+from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage, pose_image
 from stcalib_ros.io.topics import SelectedCamera
-from stcalib_ros.ros.limits import (
-    LENS_QUIET_S,
-    MAX_CHECKED_IMAGES,
-    MAX_LINE,
-    MAX_OTHER_LENSES,
-    MAX_TEXT,
-)
+from stcalib_ros.ros.lens_follower import LensChange, LensFollower
+from stcalib_ros.ros.lens_input import DriverImage
+from stcalib_ros.ros.limits import MAX_CHECKED_IMAGES, MAX_LINE, MAX_TEXT
 from stcalib_ros.ros.streams import Follower, Limits
 
 Warn = Callable[[str, str], object]
@@ -50,7 +39,7 @@ class Counts:
     age_s : float
         Time since the last pose message arrived; inf if none has.
     has_info : bool
-        A usable CameraInfo is there.
+        There is a CameraInfo, or the parameters give the size of the image.
     moving_s : int
         Seconds of the window in which somebody moves.
     received, dropped, flushes : int
@@ -68,6 +57,8 @@ class Counts:
         Why the keypoints cannot be those of people.
     dropped_age_s : float
         Time since the last message was dropped; inf if none was.
+    no_lens : Rejection or None
+        Why the camera cannot be calibrated by its CameraInfo.
     """
 
     images: int
@@ -85,45 +76,45 @@ class Counts:
     images_3d: int = 0
     fault: Rejection | None = None
     dropped_age_s: float = math.inf
-
-
-@dataclass(slots=True)
-class _OtherLens:
-    """A CameraInfo that differs from the one in force.
-
-    Attributes
-    ----------
-    since_s : float
-        When it was first received.
-    newest_ns : int
-        Newest stamp of the images then.
-    n : int
-        How often it was received.
-    """
-
-    since_s: float
-    newest_ns: int
-    n: int = 0
+    no_lens: Rejection | None = None
 
 
 class CameraBuffer:
     """Images and CameraInfo of one camera; what others send on its topics does not empty it.
 
-    Images are followed by a `stcalib_ros.ros.streams.Follower`. Another CameraInfo than the one in
-    force counts when the latter has not come for `LENS_QUIET_S`: a driver that was configured anew
-    repeats its new one, or has latched it. Images since then are those of the new lens.
+    Images are followed by a `stcalib_ros.ros.streams.Follower`, CameraInfo by a
+    `stcalib_ros.ros.lens_follower.LensFollower`: images since it has changed are those of the new
+    lens.
+
+    Attributes
+    ----------
+    lens : LensFollower
     """
 
     def __init__(self, camera: SelectedCamera, limits: Limits, warn: Warn, clock: Clock) -> None:
         self.camera, self.limits = camera, limits
-        self.info: CameraInfoFields | None = None
+        self.lens = LensFollower(camera, clock)
         self._warn, self._clock = warn, clock
         self._follower = Follower(limits)
-        self._others: dict[CameraInfoFields, _OtherLens] = {}
         self._arrived: float | None = None
         self._dropped_at_s = -math.inf
         self._received = self._dropped = self._flushes = 0
         self._last_problem = ""
+
+    @property
+    def info(self) -> CameraInfoFields | None:
+        """What there is of the lens; None if not even the size of the image is known."""
+        return self.lens.info
+
+    @property
+    def no_lens(self) -> Rejection | None:
+        """Why the camera cannot be calibrated by what there is; None also if there is nothing."""
+        return self.lens.missing(self.driver_image.rectified)
+
+    @property
+    def driver_image(self) -> DriverImage:
+        """Which image the keypoints are in."""
+        return DriverImage(self.lens.published, bool(self.images) and self.images[-1].rectified)
 
     @property
     def images(self) -> Sequence[PoseImage]:
@@ -157,36 +148,28 @@ class CameraBuffer:
         self._drop(why)
 
     def add_info(self, message: Any) -> None:
-        """Take in a message as ``CameraInfo``; a change empties the buffer."""
-        topic = self.camera.info_topic
+        """Take in a message as ``CameraInfo``; a change empties the buffer.
+
+        The pose messages say which image it is of, the raw or the rectified one; before the first
+        of them, either will do.
+        """
+        rectified = (self.images[-1].rectified,) if self.images else (False, True)
+        newest_ns = self.images[-1].stamp_ns if self.images else 0
         try:
-            _require_info_bounds(message, topic)
-            info = camera_info_fields(message)
-            self._require_lens(info)
+            news = self.lens.take(message, rectified, newest_ns)
         except (InputError, ValueError, TypeError) as error:
             self._drop(str(error))
             return
-        if self.info is None or info == self.info:
-            self.info = info
-            self._drop_lenses()
-            return
-        self._note_other(info)
+        self._count_dropped(news.dropped)
+        self._last_problem = news.problem or self._last_problem
+        if news.waiting:
+            self._warn("lens", news.waiting)
         self.settle()
 
     def set_limits(self, limits: Limits) -> None:
         """Change the bounds; what they do not allow any more is discarded."""
         self.limits = limits
         self._follower.set_limits(limits)
-
-    def _require_lens(self, info: CameraInfoFields) -> None:
-        """Demand intrinsics of the image that the keypoints are in: the raw or the rectified one.
-
-        The pose messages say which; before the first of them, either will do.
-        """
-        choices = (self.images[-1].rectified,) if self.images else (False, True)
-        problems = [_lens_problem(info, rectified, self.camera.info_topic) for rectified in choices]
-        if all(problems):
-            raise InputError(problems[0])
 
     def settle(self) -> None:
         """Take over a change that has proved to be one by now."""
@@ -196,8 +179,8 @@ class CameraBuffer:
             self._count_dropped(dropped)
             if why:
                 self._flushed(f"{self.camera.pose_topic}: {why}")
-        if self._others:
-            self._settle_lens(now_s)
+        if (new := self.lens.settle()) is not None:
+            self._take_lens(new)
 
     def counts(self) -> Counts:
         """State for diagnostics."""
@@ -221,20 +204,24 @@ class CameraBuffer:
             images_3d=sum(image.joints is not None for image in self.images),
             fault=self._fault(),
             dropped_age_s=self._clock() - self._dropped_at_s,
+            no_lens=self.no_lens,
         )
 
     def _fault(self) -> Rejection | None:
         """Return why the keypoints cannot be those of people, by some images of the window."""
-        if self.info is None or not self.images:
+        info = self.info
+        if info is None or not self.images:
             return None
         stride = math.ceil(len(self.images) / MAX_CHECKED_IMAGES)
         some = list(islice(self.images, 0, None, stride))
         poses = np.concatenate([image.keypoints for image in some])
         scores = np.concatenate([image.joint_scores for image in some])
         poses = np.where((scores > 0)[..., None], poses, np.nan)
-        width, height = self.info.width, self.info.height
         return keypoint_fault(
-            poses[has_enough(poses)], camera=self.camera.name, width=width, height=height
+            poses[has_enough(poses)],
+            camera=self.camera.name,
+            width=info.width,
+            height=info.height,
         )
 
     def _take(self, image: PoseImage, now_s: float) -> None:
@@ -252,35 +239,14 @@ class CameraBuffer:
             self._count_dropped(dropped)
             self._warn("dropped", f"{topic}: {dropped} images that were set aside are dropped")
 
-    def _note_other(self, info: CameraInfoFields) -> None:
-        if info not in self._others:
-            if len(self._others) == MAX_OTHER_LENSES:
-                del self._others[min(self._others, key=lambda i: self._others[i].n)]
-                self._count_dropped(1)
-            newest_ns = self.images[-1].stamp_ns if self.images else 0
-            self._others[info] = _OtherLens(self._clock(), newest_ns)
-            why = _lens_change(self.camera.info_topic, self.info, info)
-            self._warn("lens", f"{why} (waiting to see whether it lasts)")
-        self._others[info].n += 1
-
-    def _settle_lens(self, now_s: float) -> None:
-        info = max(self._others, key=lambda i: (self._others[i].n, self._others[i].since_s))
-        other = self._others[info]
-        if now_s - other.since_s < LENS_QUIET_S:
+    def _take_lens(self, change: LensChange) -> None:
+        if change.until_ns is None:
+            self._warn("lens", change.why)
             return
         had_images = bool(self.images)
-        why = _lens_change(self.camera.info_topic, self.info, info)
-        self._follower.forget(other.newest_ns)
-        self.info, self._others = info, {}
+        self._follower.forget(change.until_ns)
         if had_images:
-            self._flushed(why)
-
-    def _drop_lenses(self) -> None:
-        if self._others:
-            self._count_dropped(len(self._others))
-            other = next(iter(self._others))
-            self._last_problem = _lens_change(self.camera.info_topic, self.info, other)
-            self._others.clear()
+            self._flushed(change.why)
 
     def _flushed(self, why: str) -> None:
         self._flushes += 1
@@ -319,27 +285,3 @@ def _require_pose_bounds(message: Any, limits: Limits) -> None:
                 f"a person of {max(sizes):.0f} joints; {limits.max_joints} are accepted "
                 "(max_joints)"
             )
-
-
-def _require_info_bounds(message: Any, topic: str) -> None:
-    if max(len(message.d), len(message.distortion_model)) > MAX_TEXT:
-        raise InputError(f"{topic}: oversize CameraInfo")
-    numbers = np.concatenate([np.asarray(getattr(message, f), dtype=float) for f in "dkrp"])
-    if not np.isfinite(numbers).all():
-        raise InputError(f"{topic}: CameraInfo has numbers that are not finite")
-
-
-def _lens_problem(info: CameraInfoFields, rectified: bool, topic: str) -> str:
-    """Why a CameraInfo has no usable intrinsics of that image; empty if it has."""
-    try:
-        lens(info, rectified=rectified, topic=topic)
-    except InputError as error:
-        return str(error)
-    return ""
-
-
-def _lens_change(topic: str, before: CameraInfoFields | None, after: CameraInfoFields) -> str:
-    """Which field of the CameraInfo changes first, and how."""
-    field = next(f for f in after._fields if getattr(before, f, None) != getattr(after, f))
-    was, is_now = getattr(before, field, None), getattr(after, field)
-    return one_line(f"{topic}: CameraInfo changes: {field} was {was!r} and is {is_now!r}", MAX_LINE)

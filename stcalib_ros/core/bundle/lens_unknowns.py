@@ -15,12 +15,8 @@ from functools import partial
 import numpy as np
 
 from stcalib_ros.core.bundle.lenses import CENTRE_X, CENTRE_Y, FOCAL, RADIAL, Lenses
-from stcalib_ros.core.bundle.parameters import (
-    Cameras,
-    CameraUnknown,
-    ParameterLayout,
-    PointView,
-)
+from stcalib_ros.core.bundle.parameters import Cameras, CameraUnknown, ParameterLayout
+from stcalib_ros.core.bundle.point_views import PointView
 from stcalib_ros.core.model.arrays import Float64Array
 
 _TINY = 1e-12

@@ -23,8 +23,8 @@ from stcalib_ros.core.bundle.parameters import (
     Cameras,
     CameraUnknown,
     ParameterLayout,
-    PointTimes,
 )
+from stcalib_ros.core.bundle.point_views import PointTimes
 from stcalib_ros.core.bundle.residuals import Projection
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray

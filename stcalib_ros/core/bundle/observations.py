@@ -15,7 +15,7 @@ import numpy as np
 
 from stcalib_ros.core.bundle.lenses import Lenses, estimated_lenses
 from stcalib_ros.core.bundle.limits import FURTHEST_BINS
-from stcalib_ros.core.bundle.parameters import PointTimes
+from stcalib_ros.core.bundle.point_views import PointTimes
 from stcalib_ros.core.integration.association import Association
 from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera

@@ -8,7 +8,8 @@ import numpy as np
 
 from stcalib_ros.core.bundle.limits import NEAREST
 from stcalib_ros.core.bundle.observations import Observations, blocks_of
-from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout, PointTimes, PointView
+from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
+from stcalib_ros.core.bundle.point_views import PointTimes, PointView
 from stcalib_ros.core.bundle.state import BundleState, triangulated
 from stcalib_ros.core.geometry.robust import LEAST_SHARE, MIN_SCALE_PX, RAYLEIGH_MEDIAN
 from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray

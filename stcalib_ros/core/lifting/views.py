@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from stcalib_ros.core.lifting.lift import lift_recording
-from stcalib_ros.core.lifting.relens import at_rig
+from stcalib_ros.core.lifting.relens import with_lens
 from stcalib_ros.core.model.lifted import LiftedCamera
-from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.core.model.rig import Rig
+from stcalib_ros.core.model.recording import Intrinsics, Recording
 from stcalib_ros.core.model.skeleton import Skeleton, common_skeleton
 from stcalib_ros.core.options import Options
 
@@ -50,19 +50,18 @@ def lift_views(recording: Recording, options: Options) -> LiftedViews:
     return LiftedViews(skeleton, lifted, recording)
 
 
-def with_lenses(views: LiftedViews, rig: Rig) -> LiftedViews:
-    """Return all cameras, those of a rig with the lenses that were estimated.
+def with_lenses(views: LiftedViews, lenses: Mapping[int, Intrinsics]) -> LiftedViews:
+    """Return all cameras, some of them with other lenses.
 
     Parameters
     ----------
     views : LiftedViews
-    rig : Rig
+    lenses : mapping of int to Intrinsics
+        By the index of the camera.
     """
-    if not rig.lenses:
-        return views
-    lifted = at_rig(views.lifted, rig)
-    cameras = list(views.recording.cameras)
-    for c, lens in zip(rig.cameras.tolist(), rig.lenses, strict=True):
+    cameras, lifted = list(views.recording.cameras), list(views.lifted)
+    for c, lens in lenses.items():
         cameras[c] = replace(cameras[c], intrinsics=lens)
+        lifted[c] = with_lens(lifted[c], lens)
     recording = replace(views.recording, cameras=tuple(cameras))
-    return replace(views, lifted=lifted, recording=recording)
+    return replace(views, lifted=tuple(lifted), recording=recording)

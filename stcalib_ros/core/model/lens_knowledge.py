@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from stcalib_ros.core.errors import InputError
+
 
 class LensKnowledge(Enum):
     """What the intrinsics of a camera are worth.
@@ -17,6 +19,34 @@ class LensKnowledge(Enum):
     GIVEN = "given"
     REFINE = "refine"
     UNKNOWN = "unknown"
+
+
+def lens_knowledge(name: str, what: str) -> LensKnowledge:
+    """Return what intrinsics are worth by its name.
+
+    Parameters
+    ----------
+    name : str
+    what : str
+        Option or argument, for the error.
+
+    Raises
+    ------
+    InputError
+        There is nothing of that name.
+
+    Examples
+    --------
+    >>> lens_knowledge("unknown", "intrinsics")
+    <LensKnowledge.UNKNOWN: 'unknown'>
+    """
+    try:
+        return LensKnowledge(name)
+    except ValueError:
+        names = [one.value for one in LensKnowledge]
+        raise InputError(
+            f"{what}: expected {', '.join(names[:-1])} or {names[-1]}, got {name!r}"
+        ) from None
 
 
 @dataclass(frozen=True, slots=True)
