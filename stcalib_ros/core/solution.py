@@ -276,7 +276,7 @@ def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Soluti
     before = replace(before, exclusions=before.exclusions.because(mirrored))
     if not found:
         return before
-    rig = add_cameras(before.last.rig, found, problem.cameras)
+    rig = add_cameras(views.lifted, before.last.rig, found, problem.cameras)
     try:
         start = _adjust_initially(problem, rig, before.exclusions.reinstating(list(found)))
         after = _exclude_unreliable(problem, start)

@@ -129,6 +129,17 @@ _SENTENCES = {
         "for that of its CameraInfo, {limit:.0%} are the limit: check D, and whether the keypoints "
         "are those of the raw or of the rectified image (rectified), or set intrinsics to refine"
     ),
+    _R.LENS_UNDETERMINED: (
+        "its focal length is not determined by the people that it sees: it is known to "
+        "{measured:.0%}, {limit:.0%} are needed; let people come near and walk from side to side, "
+        "let cameras look down or see people from several sides, say which cameras have one lens "
+        "(lens_group), or give the field of view of its data sheet (field_of_view_deg)"
+    ),
+    _R.LENS_IMPLAUSIBLE: (
+        "its focal length came out as {focal_px:.0f} px, a view of {measured:.0f} degrees where "
+        "{limit:.0f} are the limit: people's motion does not determine it, or its image is cropped "
+        "or stretched; give its intrinsics, or let people come near and walk from side to side"
+    ),
     _R.CLOCK_NOT_STEADY: (
         "its clock is not steady: from {begin_s:.1f} to {end_s:.1f} s after its first image, its "
         "stamps are {measured_ms:.0f} ms off the rest of them, {limit_ms:.0f} are the limit"

@@ -95,6 +95,16 @@ REMARKS = {
         "images near their stamps, or others are far away in time; its clock may have been set "
         "in between"
     ),
+    RemarkCode.LENS_HELD: (
+        "{camera}: its focal length stays as it was given: people's motion determines it to "
+        "{stddev_percent:.1f} %, and it was known to {given_percent:.1f} % before; let people come "
+        "near and walk from side to side"
+    ),
+    RemarkCode.LENS_FAR_FROM_GIVEN: (
+        "{camera}: its focal length is {times:.3f} times the one that was given, {deviations:.1f} "
+        "standard deviations (lens.focal_stddev) away: check the image size and its data sheet, or "
+        "set intrinsics to unknown"
+    ),
     RemarkCode.LENS_DEVIATES: (
         "{camera}: its keypoints are those of another lens than its CameraInfo describes, to which "
         "`intrinsics: refine` would adapt it"

@@ -126,14 +126,18 @@ def resect(
     return best
 
 
-def add_cameras(rig: Rig, found: dict[int, Resection], order: Sequence[int]) -> Rig:
+def add_cameras(
+    cameras: Sequence[LiftedCamera], rig: Rig, found: dict[int, Resection], order: Sequence[int]
+) -> Rig:
     """Add cameras to a rig; the first one in the order that it has becomes the reference."""
+    lenses = [lens for c in found if (lens := cameras[c].intrinsics) is not None]
     grown = replace(
         rig,
         cameras=np.concatenate([rig.cameras, np.array(list(found), dtype=np.int64)]),
         R_ref_cam=np.concatenate([rig.R_ref_cam, [f.R_ref_cam for f in found.values()]]),
         t_ref_cam=np.concatenate([rig.t_ref_cam, [f.t_ref_cam for f in found.values()]]),
         offset_s=np.concatenate([rig.offset_s, [f.offset_s for f in found.values()]]),
+        lenses=(*rig.lenses, *lenses) if rig.lenses else (),
     )
     place = {int(c): i for i, c in enumerate(grown.cameras)}
     return sub_rig(grown, [place[c] for c in order if c in place])

@@ -13,6 +13,7 @@ from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rejection import Rejection, Remark
 from stcalib_ros.core.model.skeleton import Skeleton
+from stcalib_ros.core.validation.estimated_lenses import estimated_lens_faults
 from stcalib_ros.core.validation.lens_checks import lens_faults
 from stcalib_ros.core.validation.pair_lens import pair_lens_faults
 from stcalib_ros.core.validation.steadiness import unsteady_cameras
@@ -40,7 +41,10 @@ def inconsistencies(
         Time offsets are determined. Where they are not, people who stand still or are exchanged
         look like anything through another lens.
     """
-    results: list[Sequence[Rejection | Remark | None]] = [unsteady_cameras(cameras, last)]
+    results: list[Sequence[Rejection | Remark | None]] = [
+        unsteady_cameras(cameras, last),
+        estimated_lens_faults(cameras, last),
+    ]
     if in_motion:
         results += [lens_faults(cameras, last), pair_lens_faults(cameras, skeleton, last)]
     return tuple(map(_faults, zip(*results, strict=True)))

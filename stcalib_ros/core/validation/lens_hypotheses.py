@@ -27,7 +27,8 @@ from stcalib_ros.core.bundle.lenses import (
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
 from stcalib_ros.core.bundle.limits import TOLERANCE
 from stcalib_ros.core.bundle.outliers import drop_outliers
-from stcalib_ros.core.bundle.parameters import CameraUnknown, ParameterLayout, PointView
+from stcalib_ros.core.bundle.parameters import CameraUnknown, ParameterLayout
+from stcalib_ros.core.bundle.point_views import PointView
 from stcalib_ros.core.geometry.radial import radial_profile
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.model.recording import Intrinsics

@@ -66,6 +66,8 @@ def pair_lens_faults(
 ) -> tuple[Rejection | None, ...]:
     """Return which of two cameras have images of another size; None of others, and of more cameras.
 
+    Nothing is said where a lens is estimated: it is the one that lets limbs keep their lengths.
+
     Parameters
     ----------
     cameras : sequence of LiftedCamera
@@ -74,7 +76,8 @@ def pair_lens_faults(
     last : Iteration
     """
     C = len(last.rig.cameras)
-    if depth_variance_ratio(last.observations, last.state) > _MAX_DEPTH_RATIO:
+    is_estimated = last.state.lenses is not None
+    if is_estimated or depth_variance_ratio(last.observations, last.state) > _MAX_DEPTH_RATIO:
         return (None,) * C
     if _walked(last) < _MIN_WALKED:
         return (None,) * C

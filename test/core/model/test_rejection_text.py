@@ -85,6 +85,14 @@ REJECTIONS = (
         Rejection(R.IMAGE_TURNED, values=AFFINE),
         "a quarter or by half, .* at .540, 960., .* says .960, 540.",
     ),
+    (
+        Rejection(R.LENS_UNDETERMINED, (), 0.12, 0.05),
+        "not determined .* to 12%, 5% are needed; let people come near",
+    ),
+    (
+        Rejection(R.LENS_IMPLAUSIBLE, (), 151.0, 145.0, values={"focal_px": 248.0}),
+        "as 248 px, a view of 151 degrees where 145 are the limit: .*; give its intrinsics",
+    ),
     (Rejection(R.DISTORTION_DISAGREES, (), -0.07, 0.04), "bent by -7% .*, 4% are the limit: check"),
     (
         Rejection(R.MIRRORED_VIEW, (), 0.74, 0.5, detail="x and y"),
@@ -203,6 +211,14 @@ REMARKS = (
     (
         Remark(C.PEOPLE_OF_UNUSUAL_SIZE, (), {"ratio": 1.22}),
         "^by scale.distances, people are 1.22 times as large as adults: check the distances",
+    ),
+    (
+        Remark(C.LENS_HELD, ("a",), {"stddev_percent": 9.1, "given_percent": 10.0}),
+        "^a: its focal length stays .* to 9.1 %, and .* to 10.0 % before; let people come near",
+    ),
+    (
+        Remark(C.LENS_FAR_FROM_GIVEN, ("a",), {"times": 1.42, "deviations": 3.5}),
+        "^a: its focal length is 1.420 times the one .*, 3.5 standard deviations .*: check",
     ),
     (
         Remark(C.LENS_DEVIATES, ("a",), {"scale": 0.951}),

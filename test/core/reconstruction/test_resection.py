@@ -80,7 +80,7 @@ def test_known_clocks_are_not_searched(four, three):
 
 def test_the_first_camera_of_the_order_becomes_the_reference(three, four):
     found = again(three, with_clock(three, -3600.0))
-    rig = add_cameras(three.iterations[-1].rig, {1: found}, [1, 0, 2, 3])
+    rig = add_cameras(three.lifted, three.iterations[-1].rig, {1: found}, [1, 0, 2, 3])
     assert rig.cameras.tolist() == [1, 0, 2, 3]
     np.testing.assert_allclose(rig.R_ref_cam[0], np.eye(3), atol=1e-12)
     assert not rig.t_ref_cam[0].any()
@@ -88,6 +88,14 @@ def test_the_first_camera_of_the_order_becomes_the_reference(three, four):
     true = four.truth.cameras
     R_1_0 = true[1].R_ref_cam.T @ true[0].R_ref_cam
     assert rotation_angle(rig.R_ref_cam[1].T @ R_1_0) < 0.01
+
+
+def test_a_camera_that_comes_back_has_its_own_lens(three):
+    found = again(three, with_clock(three, -3600.0))
+    lenses = [camera.intrinsics for camera in three.lifted]
+    estimated = replace(three.iterations[-1].rig, lenses=(lenses[0], lenses[2], lenses[3]))
+    rig = add_cameras(three.lifted, estimated, {1: found}, [0, 1, 2, 3])
+    assert all(one is lens for one, lens in zip(rig.lenses, lenses, strict=True))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,89 @@
+"""Whether people's motion determined the lenses that were estimated, and whether they can be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.lenses import FOCAL, focal_length
+from stcalib_ros.core.model.lens_knowledge import LensPrior
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
+
+_MAX_FOCAL_STDDEV = 0.05
+"""Ratio. Largest standard deviation of a focal length of which nothing was known before. Measured:
+0.005 to 0.02 on scenes of benchmarks.accuracy.level."""
+_HELD = 0.8
+"""Ratio. Standard deviation of a focal length over that of what was known before. A larger one says
+that people's motion told nothing: it is as it was given. Derived: with equal shares of both it is
+0.71."""
+_FAR = 3.0
+"""Standard deviations of what was known before. A focal length that is further away was given
+wrongly, or is estimated wrongly. Chosen: the usual ones."""
+_VIEWS_DEG = (20.0, 145.0)
+"""Degrees along the longer side of the image. Lenses that are looked for have 30 to 120, and the
+adjustment goes a little beyond; what comes out far outside has run away. Derived: 125 degrees are
+among the scenes of benchmarks.accuracy.level."""
+_FISHEYE_DEG = 220.0
+"""Degrees. The same of equidistant lenses at most. Derived: usual ones have up to 200."""
+
+
+def estimated_lens_faults(
+    cameras: Sequence[LiftedCamera], last: Iteration
+) -> tuple[Rejection | Remark | None, ...]:
+    """Return what is wrong with the lens of every camera of a rig; None where it was given.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+        All cameras.
+    last : Iteration
+    """
+    members = [cameras[c] for c in last.rig.cameras]
+    if last.lens_stddev is None:
+        return (None,) * len(members)
+    focal_stddev = last.lens_stddev[FOCAL].tolist()
+    return tuple(
+        next(_faults(camera, stddev), None)
+        for camera, stddev in zip(members, focal_stddev, strict=True)
+    )
+
+
+def _faults(camera: LiftedCamera, stddev: float) -> Iterator[Rejection | Remark]:
+    """Yield what is wrong with an estimated lens, the worst first."""
+    lens, prior = camera.intrinsics, camera.lens_prior
+    if lens is None or prior is None:
+        return
+    is_unknown = np.isinf(prior.focal_stddev)
+    if is_unknown and not stddev < _MAX_FOCAL_STDDEV:
+        yield Rejection(RejectionReason.LENS_UNDETERMINED, (), stddev, _MAX_FOCAL_STDDEV)
+    view_deg, (least, most) = _view_deg(lens)
+    if not least < view_deg < most:
+        limit = most if view_deg >= most else least
+        values = {"focal_px": focal_length(lens)}
+        yield Rejection(RejectionReason.LENS_IMPLAUSIBLE, (), view_deg, limit, "deg", values=values)
+    if is_unknown:
+        return
+    if stddev > _HELD * prior.focal_stddev:
+        values = {"stddev_percent": 100.0 * stddev, "given_percent": 100.0 * prior.focal_stddev}
+        yield Remark(RemarkCode.LENS_HELD, (), values)
+    off = _deviation(lens, prior)
+    if abs(off) > _FAR:
+        values = {"times": focal_length(lens) / prior.focal_px, "deviations": abs(off)}
+        yield Remark(RemarkCode.LENS_FAR_FROM_GIVEN, (), values)
+
+
+def _deviation(lens: Intrinsics, prior: LensPrior) -> float:
+    """How many standard deviations a focal length is from what was known of it."""
+    return float(np.log(focal_length(lens) / prior.focal_px)) / prior.focal_stddev
+
+
+def _view_deg(lens: Intrinsics) -> tuple[float, tuple[float, float]]:
+    """Field of view along the longer side, and between what it can be; degrees."""
+    half = 0.5 * max(lens.width, lens.height) / focal_length(lens)
+    if lens.model is LensModel.EQUIDISTANT:
+        return float(np.degrees(2.0 * half)), (_VIEWS_DEG[0], _FISHEYE_DEG)
+    return float(np.degrees(2.0 * np.arctan(half))), _VIEWS_DEG

@@ -1,0 +1,82 @@
+"""Lenses that were estimated: whether people's motion determined them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stcalib_ros.core.model.lens_knowledge import LensPrior
+from stcalib_ros.core.model.recording import LensModel
+from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
+from stcalib_ros.core.validation.estimated_lenses import estimated_lens_faults
+from stcalib_ros.core.validation.inconsistencies import inconsistencies
+
+UNKNOWN = LensPrior(1400.0, np.inf, (960.0, 540.0), 10.0, (0.0,), 0.2)
+GUESSED = replace(UNKNOWN, focal_stddev=0.1)
+
+
+@pytest.fixture
+def said(small_stages):
+    """What is said of the second camera, by its focal length and what was and is known of it."""
+    last = small_stages.iterations[-1]
+
+    def of(prior, *, stddev=0.01, focal_px=1400.0, model=LensModel.PLUMB_BOB):
+        camera = small_stages.lifted[1]
+        K = np.array([[focal_px, 0.0, 960.0], [0.0, focal_px, 540.0], [0.0, 0.0, 1.0]])
+        lens = replace(camera.intrinsics, K=K, model=model)
+        changed = replace(camera, intrinsics=lens, lens_prior=prior)
+        lifted = (small_stages.lifted[0], changed, *small_stages.lifted[2:])
+        known = np.zeros((5, len(lifted)))
+        known[0, 1] = stddev
+        found = estimated_lens_faults(lifted, replace(last, lens_stddev=known))
+        assert found[0] is found[2] is None
+        return found[1]
+
+    return of
+
+
+def test_a_focal_length_that_is_determined_is_good(said):
+    assert said(UNKNOWN) is None
+    assert said(GUESSED) is None
+
+
+def test_an_unknown_focal_length_that_is_not_determined_is_refused(said):
+    found = said(UNKNOWN, stddev=0.12)
+    assert found.reason is RejectionReason.LENS_UNDETERMINED
+    assert (found.measured, found.limit) == (0.12, 0.05)
+    assert said(UNKNOWN, stddev=np.inf).reason is RejectionReason.LENS_UNDETERMINED
+
+
+def test_a_guess_that_nothing_refines_is_held(said):
+    found = said(GUESSED, stddev=0.099)
+    assert found.code is RemarkCode.LENS_HELD
+    assert found.values == {"stddev_percent": 9.9, "given_percent": 10.0}
+
+
+@pytest.mark.parametrize(("focal_px", "limit"), [(300.0, 145.0), (6000.0, 20.0)])
+@pytest.mark.parametrize("prior", [UNKNOWN, GUESSED])
+def test_a_view_that_no_lens_has_is_refused(said, prior, focal_px, limit):
+    found = said(prior, focal_px=focal_px)
+    assert found.reason is RejectionReason.LENS_IMPLAUSIBLE
+    assert found.limit == limit
+
+
+def test_a_wide_lens_and_a_fisheye_are_usual(said):
+    assert said(UNKNOWN, focal_px=500.0) is None
+    assert said(UNKNOWN, focal_px=600.0, model=LensModel.EQUIDISTANT) is None
+
+
+def test_an_estimate_far_from_its_guess_is_worth_a_remark(said):
+    found = said(GUESSED, focal_px=2000.0)
+    assert found.code is RemarkCode.LENS_FAR_FROM_GIVEN
+    assert found.values["times"] == pytest.approx(2000.0 / 1400.0)
+    assert found.values["deviations"] == pytest.approx(10.0 * np.log(2000.0 / 1400.0))
+
+
+def test_nothing_is_said_of_given_lenses(small_stages):
+    last = small_stages.iterations[-1]
+    assert estimated_lens_faults(small_stages.lifted, last) == (None, None, None)
+    found = inconsistencies(small_stages.lifted, small_stages.skeleton, last)
+    assert [one.rejections for one in found] == [(), (), ()]
