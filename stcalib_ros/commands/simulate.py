@@ -10,7 +10,7 @@ from typing import Any
 from stcalib_ros.commands.bag_and_truth import add_output_arguments, require_outputs, write_outputs
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.recording import Recording, keypoints_only, unknown_intrinsics
-from stcalib_ros.core.synthetic import BIAS_FORMS, PEOPLE, SceneOptions, simulate
+from stcalib_ros.core.synthetic import BIAS_FORMS, LENS_MODELS, PEOPLE, SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.rigs import read_rig
 
@@ -31,7 +31,10 @@ _HELP = {
     "area_radius_m": "people stay within about this of the middle",
     "fps": "frame rate: one, or one per camera",
     "image_size": "width and height, px",
-    "focal_px": "focal length",
+    "focal_px": "focal length: one, or one per camera",
+    "lens_model": "model of the lenses",
+    "distortion": "coefficients of that model in OpenCV's order",
+    "principal_point_px": "principal point, from the middle of the image",
     "ring_radius_m": "range of the distances of cameras from the middle",
     "ring_height_m": "range of the heights of cameras",
     "rig": "JSON file of given cameras (name, image_size, K, dist, R, t) instead of a ring",
@@ -133,7 +136,7 @@ def scene_options(args: argparse.Namespace) -> SceneOptions:
     """
     given = {f.name: getattr(args, f.name) for f in fields(SceneOptions) if f.name in args}
     given = {name: tuple(v) if isinstance(v, list) else v for name, v in given.items()}
-    for name in ("fps", "line_time_s"):
+    for name in ("fps", "line_time_s", "focal_px"):
         if len(values := given.get(name, ())) == 1:
             given[name] = values[0]
     if "rig" in given:
@@ -146,6 +149,9 @@ def _settings(field: Field[Any]) -> dict[str, Any]:
     special: dict[str, dict[str, Any]] = {
         "fps": {"nargs": "+", "type": float, "metavar": "HZ"},
         "line_time_s": {"nargs": "+", "type": float, "metavar": "S"},
+        "focal_px": {"nargs": "+", "type": float, "metavar": "PX"},
+        "distortion": {"nargs": "+", "type": float, "metavar": "K"},
+        "lens_model": {"choices": LENS_MODELS},
         "rig": {"type": Path, "metavar": "FILE"},
         "people": {"choices": PEOPLE},
         "keypoint_bias_form": {"choices": BIAS_FORMS},

@@ -19,7 +19,8 @@ from stcalib_ros.msg import CalibrationResult, PersonPose3D, PersonPose3DArray
 
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
-from stcalib_ros.core.model.recording import LensModel
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.io.messages import camera_info_fields, lens, pose_image
 from stcalib_ros.ros.convert import (
     calibration_result,
@@ -105,6 +106,35 @@ def test_reasons_have_codes_numbers_and_sentences():
     )
     assert few.message.startswith("cam2: only 150 of its keypoints fit, 400 are needed")
     assert (left_out.code, left_out.message) == ("UNSPECIFIED", "shares nobody with the others")
+
+
+def test_lenses_are_those_given_or_estimated():
+    record = calibration()
+    K = np.array([[812.5, 0.0, 318.0], [0.0, 812.5, 242.0], [0.0, 0.0, 1.0]])
+    found = Intrinsics(640, 480, LensModel.PLUMB_BOB, K, np.array([-0.125]))
+    stddev = LensStddev(2.5, 0.0, 1.5, (0.004,))
+    estimated = replace(
+        record.cameras[0],
+        intrinsics=found,
+        lens_knowledge=LensKnowledge.UNKNOWN,
+        lens_stddev=stddev,
+    )
+    record = replace(record, cameras=(estimated, *record.cameras[1:]))
+    message = through_cdr(calibration_result(record, run_id="", stamp=STAMP))
+    first, second, _ = message.intrinsics
+    assert [one.camera for one in message.intrinsics] == ["cam0", "cam1", "cam2"]
+    assert (first.knowledge, second.knowledge) == ("unknown", "given")
+    assert (first.focal_stddev_px, first.cy_stddev_px) == (2.5, 1.5)
+    assert math.isnan(first.cx_stddev_px), "it was not estimated"
+    assert list(first.radial_stddev) == [0.004]
+    assert math.isnan(second.focal_stddev_px)
+    info = first.camera_info
+    assert (info.header.frame_id, info.header.stamp) == ("cam0_optical_frame", STAMP)
+    assert list(info.d) == [-0.125, 0.0, 0.0, 0.0, 0.0], "as many as drivers expect"
+    np.testing.assert_array_equal(np.reshape(info.p, (3, 4)), np.hstack([K, np.zeros((3, 1))]))
+    again = lens(camera_info_fields(info), rectified=False, topic="/cam0/camera_info")
+    np.testing.assert_array_equal(again.K, K)
+    assert (again.width, again.height, again.model) == (640, 480, LensModel.PLUMB_BOB)
 
 
 @pytest.mark.parametrize("status", Status)

@@ -8,15 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.radial import radial_profile
 from stcalib_ros.core.lifting.intrinsics_checks import sensor_rectangle
-from stcalib_ros.core.model.lens_knowledge import LensKnowledge
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensPrior
 from stcalib_ros.core.model.recording import CameraRecording, Intrinsics, LensModel, Recording
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
-from stcalib_ros.core.options import Options
+from stcalib_ros.core.options import LensOptions, Options
 
 _FOCAL = 0.8
 """Ratio to the width of the image. Focal length of a lens that is not known: a view of 64 degrees,
 the middle of usual ones of 40 to 100. Chosen: registration starts from it."""
+_RADIAL_STDDEV = 0.2
+"""Standard deviation of coefficients of radial distortion. Chosen: those of usual lenses are within
+0.4, and what is not determined comes out near what was given."""
 _WIDE_VIEW_DEG = 110.0
 """Degrees of horizontal view. A lens of a wider one is taken to be equidistant where only its view
 is known: lenses without distortion go up to 100 to 110 degrees, action cameras and fisheyes have
@@ -75,7 +79,10 @@ def with_assumed_lenses(recording: Recording, options: Options) -> AssumedLenses
     }
     unknown = [c for c in cameras if c.lens_knowledge is LensKnowledge.UNKNOWN or c.name in faults]
     lenses = {camera.name: assumed_lens(camera.intrinsics) for camera in unknown}
-    started = tuple(replace(c, intrinsics=lenses.get(c.name, c.intrinsics)) for c in cameras)
+    started = tuple(
+        _with_prior(replace(c, intrinsics=lenses.get(c.name, c.intrinsics)), options.lens)
+        for c in cameras
+    )
     names = tuple(name for name in lenses if name not in faults)
     view_deg = float(np.degrees(2.0 * np.arctan(0.5 / _FOCAL)))
     remark = Remark(RemarkCode.LENS_ASSUMED, names, {"view_deg": view_deg})
@@ -88,6 +95,23 @@ def _camera(camera: CameraRecording, options: Options) -> CameraRecording:
         lens_knowledge=camera.lens_knowledge or LensKnowledge(options.intrinsics),
         lens_group=camera.lens_group or (_ONE_LENS if options.lens.shared else ""),
     )
+
+
+def _with_prior(camera: CameraRecording, options: LensOptions) -> CameraRecording:
+    """Say what is known of a lens that is to be estimated."""
+    lens = camera.intrinsics
+    if camera.lens_knowledge is LensKnowledge.GIVEN or camera.lens_prior is not None:
+        return camera
+    unknown = camera.lens_knowledge is LensKnowledge.UNKNOWN
+    prior = LensPrior(
+        focal_px=float(np.sqrt(lens.K[0, 0] * lens.K[1, 1])),
+        focal_stddev=np.inf if unknown else options.focal_stddev,
+        centre_px=(float(lens.K[0, 2]), float(lens.K[1, 2])),
+        centre_stddev_px=options.principal_point_stddev * lens.width,
+        radial=tuple(radial_profile([lens]).k[0, : options.radial_terms].tolist()),
+        radial_stddev=_RADIAL_STDDEV,
+    )
+    return replace(camera, lens_prior=prior)
 
 
 def _require_one_lens_per_group(cameras: Sequence[CameraRecording]) -> None:

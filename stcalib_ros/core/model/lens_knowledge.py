@@ -65,3 +65,28 @@ class LensStddev:
     cx_px: float
     cy_px: float
     radial: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LensPrior:
+    """What is known of a lens that is to be estimated.
+
+    Attributes
+    ----------
+    focal_px : float
+    focal_stddev : float
+        Relative standard deviation; infinite: nothing is known.
+    centre_px : (float, float)
+        Principal point.
+    centre_stddev_px : float
+    radial : tuple of float
+        Coefficients of radial distortion that are estimated, k1 and on.
+    radial_stddev : float
+    """
+
+    focal_px: float
+    focal_stddev: float
+    centre_px: tuple[float, float]
+    centre_stddev_px: float
+    radial: tuple[float, ...]
+    radial_stddev: float
