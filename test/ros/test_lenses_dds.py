@@ -100,7 +100,9 @@ def client(folder: Path, scene: Scene) -> Iterator[Client]:
         client.play_completely(bag, {c.name: len(c.stamps) for c in cameras})
         yield client
         assert live.stop()[0] == 0
-        assert "Traceback" not in live.log.read_text()
+        log = live.log.read_text()
+        assert "Traceback" not in log
+        assert log.count("sends on /cam0/camera_info: no lens is known") == 1
     finally:
         live.kill()
         client.close()
