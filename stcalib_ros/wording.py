@@ -8,9 +8,12 @@ import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
 from stcalib_ros.core.model.rolling_shutter import MAX_READOUT_STDDEV_S
 
 PLUS_MINUS = "+-"
+
+_BEFORE = {LensKnowledge.REFINE: "a guess", LensKnowledge.UNKNOWN: "unknown"}
 
 
 def count(n: int, noun: str) -> str:
@@ -82,6 +85,35 @@ def line_delay_text(camera: CameraCalibration, sign: str = PLUS_MINUS) -> str:
     if camera.line_time_stddev_s * camera.intrinsics.height <= MAX_READOUT_STDDEV_S:
         return f", {line_us:.2f} {sign} {stddev_us:.2f} us per row"
     return f", {line_us:.2f} us per row (not observable: {sign} {stddev_us:.1f})"
+
+
+def lens_rows(calibration: Calibration, sign: str = PLUS_MINUS) -> list[tuple[str, ...]]:
+    """Say what was found of the lenses that were not given: a head, and a row each; or nothing."""
+    cameras = [c for c in calibration.cameras if c.lens_knowledge is not LensKnowledge.GIVEN]
+    head = ("lens of", "focal length [px]", "principal point [px]", "model", "radial", "it was")
+    return [head, *(_lens_row(camera, sign) for camera in cameras)] if cameras else []
+
+
+def _lens_row(camera: CameraCalibration, sign: str) -> tuple[str, ...]:
+    lens, stddev = camera.intrinsics, camera.lens_stddev or LensStddev(0.0, 0.0, 0.0)
+    (fx, _, cx), (_, _, cy) = lens.K[:2]
+    point = f"{cx:.1f}{_estimated(stddev.cx_px, 1, sign)}, {cy:.1f}"
+    radial = [
+        f"k{k} {value:.4f}{_estimated(spread, 4, sign)}"
+        for k, (value, spread) in enumerate(zip(lens.D[:2], stddev.radial, strict=False), start=1)
+    ]
+    return (
+        camera.name,
+        f"{fx:.1f}{_estimated(stddev.focal_px, 1, sign)}",
+        f"{point}{_estimated(stddev.cy_px, 1, sign)}",
+        lens.model.value,
+        ", ".join(radial) or "-",
+        _BEFORE[camera.lens_knowledge],
+    )
+
+
+def _estimated(stddev: float, digits: int, sign: str) -> str:
+    return plus_minus(stddev, digits, sign) if stddev > 0 else ""
 
 
 def margin_text(margin: float) -> str:

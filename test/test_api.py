@@ -246,7 +246,7 @@ def test_a_camera_that_detects_nobody_has_its_images_and_no_track() -> None:
         ({"stamps": [0.0, 0.1, np.nan]}, "stamps must be finite and strictly increasing"),
         ({"layout": "coco_71"}, "unknown layout 'coco_71'"),
         ({"D": [0.1, 0.2, 0.3]}, "3 coefficients: plumb_bob takes 0, 4, 5"),
-        ({"K": np.zeros((3, 3))}, "the camera is not calibrated"),
+        ({"intrinsics": "guess"}, "intrinsics: expected given, refine or unknown, got 'guess'"),
     ],
 )
 def test_unusable_arrays_are_refused_with_camera_and_shape(

@@ -14,6 +14,7 @@ import pytest
 from stcalib_ros.cli import main
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
+from stcalib_ros.ros.parameter_specs import all_specs
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -78,6 +79,9 @@ def check_ros2(words: list[str]) -> None:
         name, interface = [word for word in words[2:] if not word.startswith("-")][:2]
         assert f'"{name.replace("/calibrator", "~")}"' in SOURCES
         check_interface(interface)
+    elif words[:2] == ["param", "set"]:
+        assert words[2] == "/calibrator"
+        assert words[3] in {spec.name for spec in all_specs(()) if not spec.fixed}
     elif words[0] == "launch":
         text = (ROOT / "launch" / words[2]).read_text()
         name = words[3].partition(":=")[0]

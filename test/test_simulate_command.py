@@ -83,8 +83,9 @@ def test_simulate_without_3d_poses(
     ("arguments", "message"),
     [
         (["--n-people", "0"], "n_people must be 1 to 1000, got 0"),
-        (["--fps", "30", "25"], "2 rates for 4 cameras"),
-        (["--line-time-s", "1e-5", "2e-5"], "2 line times for 4 cameras"),
+        (["--fps", "30", "25"], "2 values for 4 cameras"),
+        (["--line-time-s", "1e-5", "2e-5"], "2 values for 4 cameras"),
+        (["--focal-px", "900", "1000"], "2 values for 4 cameras"),
         (["--rig", "missing.json"], "no such file: missing.json"),
         (["--rig", TRUTH], "is not valid JSON"),
         (["--missing", "1.5"], "missing must be a fraction"),

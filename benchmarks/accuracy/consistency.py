@@ -25,13 +25,15 @@ from benchmarks.accuracy.measure import run_calibration
 from benchmarks.accuracy.scenarios import SCENARIOS, Scenario
 from benchmarks.accuracy.weak import WEAK
 from benchmarks.table import Row, print_rows
+from stcalib_ros.core.evaluation.lens_errors import lens_error
 from stcalib_ros.core.geometry.so3 import log_so3
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
 from stcalib_ros.core.synthetic import simulate
 from stcalib_ros.io.mocap import shipped_clips
 
-_BLOCKS = ("rotation", "centre", "offset")
+POSE_BLOCKS = ("rotation", "centre", "offset")
+LENS_BLOCKS = ("focal length", "principal point", "k1")
 _WEAK_LIMITS = (0.5, 2.0)
 _LIMITS = {
     "default": (0.7, 1.5),
@@ -63,10 +65,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _rows(scenario: Scenario, n_scenes: int) -> list[Row]:
     found = [_scene(scenario, index) for index in range(n_scenes)]
-    values = np.array([row for rows in found for row in rows]).reshape(-1, len(_BLOCKS))
+    values = np.array([row for rows in found for row in rows]).reshape(-1, len(POSE_BLOCKS))
     low, high = _LIMITS[scenario.name]
     out = [Row("scenes", f"{sum(bool(rows) for rows in found)} of {n_scenes} calibrated", "", None)]
-    for name, column in zip(_BLOCKS, values.T, strict=True):
+    for name, column in zip(POSE_BLOCKS, values.T, strict=True):
         mean = float(np.mean(column)) if len(column) else float("nan")
         p90 = float(np.percentile(column, 90)) if len(column) else float("nan")
         text = f"mean {mean:.2f}  p90 {p90:.2f}"
@@ -93,6 +95,34 @@ def normalised_errors(found: Calibration, truth: Calibration) -> list[list[float
         _of_camera(camera, true, float(unit), float(true_unit))
         for camera, true in zip(found.cameras[1:], truth.cameras[1:], strict=True)
     ]
+
+
+def normalised_lens_errors(found: Calibration, truth: Calibration) -> list[list[float]]:
+    """Return the NEES per degree of freedom of focal length, principal point and k1, per camera.
+
+    NaN where it was not estimated, or the lens model is another one.
+    """
+    return [
+        _of_lens(camera, true) for camera, true in zip(found.cameras, truth.cameras, strict=True)
+    ]
+
+
+def _of_lens(camera: CameraCalibration, true: CameraCalibration) -> list[float]:
+    stddev, error = camera.lens_stddev, lens_error(camera, true)
+    if stddev is None:
+        return [float("nan")] * len(LENS_BLOCKS)
+    off = camera.intrinsics.K[:2, 2] - true.intrinsics.K[:2, 2]
+    k1 = stddev.radial[0] if stddev.radial else 0.0
+    return [
+        _square_ratio(error.focal * true.intrinsics.K[0, 0], stddev.focal_px),
+        0.5 * (_square_ratio(off[0], stddev.cx_px) + _square_ratio(off[1], stddev.cy_px)),
+        _square_ratio(error.radial[0], k1),
+    ]
+
+
+def _square_ratio(error: float, stddev: float) -> float:
+    """Return ``(error / stddev)^2``; NaN where there is no standard deviation."""
+    return (error / stddev) ** 2 if stddev > 0.0 else float("nan")
 
 
 def _of_camera(

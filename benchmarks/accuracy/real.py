@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import stcalib_ros
 from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.recording import CameraRecording, only_images
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.convert import Converted, ConvertOptions, convert_arrays
@@ -155,3 +156,19 @@ KEYPOINT_CASES = (
 )
 """Real recordings without 3D poses. Errors of `balance` are those that the project asks for; those
 of `desk` are what its keypoints, 9 to 19 px off, can show."""
+
+_FOCAL = {"E_f": 0.04}
+"""Largest accepted relative error of the focal lengths of `DEMO`. From the project's requirements;
+its truth is a calibration by a board."""
+_DEMO_UNKNOWN = replace(DEMO, limits={**DEMO.limits, **_FOCAL, "E_R": 0.06})
+_INFORMATIVE = tuple(replace(case, limits={}, may_refuse=True) for case in KEYPOINT_CASES)
+
+REAL_LENSES: Mapping[LensKnowledge, Mapping[str, tuple[RealCase, ...]]] = {
+    LensKnowledge.UNKNOWN: {
+        "3d": (_DEMO_UNKNOWN,),
+        "2d": (replace(DEMO_2D, limits={**DEMO_2D.limits, **_FOCAL, "E_R": 0.06}), *_INFORMATIVE),
+    },
+    LensKnowledge.REFINE: {"3d": (DEMO,), "2d": (DEMO_2D, *KEYPOINT_CASES)},
+}
+"""The same with lenses that are estimated: from a given one on nothing may get worse; where none is
+known, recordings other than `DEMO` are for information."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -64,7 +65,7 @@ def summary(scenario: Scenario, runs: Sequence[Run], clean: Sequence[Run] = ()) 
     needed = _at_least(scenario.success, len(runs))
     targets = Targets(needed, scenario.may_refuse, scenario.medians, scenario.p90)
     rows = _rows(scenario, targets, runs, clean)
-    return Section(scenario.name, scenario.title, rows, _notes(runs), tuple(runs))
+    return Section(scenario.name, scenario.title, rows, notes_of(runs), tuple(runs))
 
 
 def summary_2d(
@@ -86,9 +87,9 @@ def summary_2d(
     """
     rows = _rows(scenario, targets_2d(scenario, len(runs), with_3d), runs, clean)
     if with_3d:
-        ratio = _median_cpu(runs) / _median_cpu(with_3d)
+        ratio = median_cpu(runs) / median_cpu(with_3d)
         rows += (Row("CPU / with 3D", f"{ratio:.2f}", "", None),)
-    return Section(scenario.name, scenario.title, rows, _notes(runs), tuple(runs), "2d")
+    return Section(scenario.name, scenario.title, rows, notes_of(runs), tuple(runs), "2d")
 
 
 def targets_2d(scenario: Scenario, n: int, with_3d: Sequence[Run]) -> Targets:
@@ -98,7 +99,7 @@ def targets_2d(scenario: Scenario, n: int, with_3d: Sequence[Run]) -> Targets:
         return Targets(_at_least(own.success, n), scenario.may_refuse, own.medians)
     if not with_3d:
         return Targets(None, scenario.may_refuse)
-    usual = {name: float(np.median(_errors(with_3d, name))) for name in _ERRORS}
+    usual = {name: float(np.median(errors_of(with_3d, name))) for name in _ERRORS}
     medians = {name: MAX_2D_RATIO * value for name, value in usual.items() if value > 0.0}
     return Targets(max(0, sum(not run.failure for run in with_3d) - 1), False, medians)
 
@@ -115,7 +116,7 @@ def real_section(case: RealCase, truth: Calibration, outcome: Outcome, run: Run)
         solved = Row("solved", "no" if refused else "yes", "yes, or refused", True)
     rows = [solved, Row("wrong, but OK", f"{int(wrong)}", "0", not wrong)]
     limits = {} if refused and case.may_refuse else case.limits
-    rows += [_single(name, value, limits.get(name)) for name, value in figures.items()]
+    rows += [single(name, value, limits.get(name)) for name, value in figures.items()]
     if errors is not None and found is not None:
         seen_by_all = [p for p in truth.persons if len(p.tracks) == len(truth.cameras)]
         names = [camera.name for camera in truth.cameras]
@@ -123,8 +124,8 @@ def real_section(case: RealCase, truth: Calibration, outcome: Outcome, run: Run)
         asked = not (refused and case.may_refuse)
         rows.append(_whole("precision", errors.precision, asked=asked))
         rows.append(_whole("people found", recall, asked=asked))
-    rows.append(_single("CPU s", run.cpu_s, MAX_CPU_S))
-    return Section(case.name, case.title, tuple(rows), _notes([run]), (run,))
+    rows.append(single("CPU s", run.cpu_s, MAX_CPU_S))
+    return Section(case.name, case.title, tuple(rows), notes_of([run]), (run,))
 
 
 def _real_figures(errors: Evaluation) -> dict[str, float]:
@@ -133,6 +134,7 @@ def _real_figures(errors: Evaluation) -> dict[str, float]:
         "E_t": errors.E_t,
         "centres m": errors.centre_max,
         "offset frames": max(abs(camera.offset_frames) for camera in errors.cameras),
+        **({} if math.isnan(errors.E_f) else {"E_f": errors.E_f}),
     }
 
 
@@ -154,22 +156,22 @@ def _rows(
         Row("wrong, but OK", f"{wrong}", "0", wrong == 0),
     ]
     for name in _ERRORS:
-        values = _errors(runs, name)
+        values = errors_of(runs, name)
         limits = {"median": targets.medians.get(name), "p90": targets.p90.get(name)}
-        rows.append(_distribution(name, values, limits))
-        usual = float(np.median(_errors(clean[:n], name))) if clean else 0.0
+        rows.append(distribution(name, values, limits))
+        usual = float(np.median(errors_of(clean[:n], name))) if clean else 0.0
         if usual > 0.0 and scenario.cpu_ratio is None:
             ratio = float(np.median(values)) / usual
             unknown = unobservable_frames(scenario.options) if name == "E_delta" else 0.0
             limit = MAX_RATIO + unknown / usual
-            rows.append(_single(f"{name} / {scenario.beside}", ratio, limit))
+            rows.append(single(f"{name} / {scenario.beside}", ratio, limit))
     precision = [r.evaluation.precision if r.evaluation else 0.0 for r in runs]
     rows.append(Row("precision", f"median {np.median(precision):.3f}", "", None))
     cpu_limits = {"median": scenario.cpu_s, "max": scenario.max_cpu_s}
-    rows.append(_distribution("CPU s", [r.cpu_s for r in runs], cpu_limits))
+    rows.append(distribution("CPU s", [r.cpu_s for r in runs], cpu_limits))
     if clean and scenario.cpu_ratio is not None:
-        ratio = _median_cpu(runs) / _median_cpu(clean[:n])
-        rows.append(_single(f"CPU / {scenario.beside}", ratio, scenario.cpu_ratio))
+        ratio = median_cpu(runs) / median_cpu(clean[:n])
+        rows.append(single(f"CPU / {scenario.beside}", ratio, scenario.cpu_ratio))
     return tuple(rows)
 
 
@@ -190,11 +192,13 @@ def _at_least(fraction: Fraction, n: int) -> int:
     return n - int((1 - fraction) * n)
 
 
-def _median_cpu(runs: Sequence[Run]) -> float:
+def median_cpu(runs: Sequence[Run]) -> float:
+    """Return the median of the CPU seconds."""
     return float(np.median([run.cpu_s for run in runs]))
 
 
-def _notes(runs: Sequence[Run]) -> tuple[str, ...]:
+def notes_of(runs: Sequence[Run]) -> tuple[str, ...]:
+    """Return a line for every scene that is not solved, with the codes of the reasons."""
     return tuple(
         f"seed {run.seed}: {run.failure}" + "".join(f" [{code}]" for code in run.codes)
         for run in runs
@@ -202,12 +206,13 @@ def _notes(runs: Sequence[Run]) -> tuple[str, ...]:
     )
 
 
-def _errors(runs: Sequence[Run], name: str) -> list[float]:
+def errors_of(runs: Sequence[Run], name: str) -> list[float]:
     """Return one error of every scene; infinite where there is no calibration."""
     return [getattr(r.evaluation, name) if r.evaluation else np.inf for r in runs]
 
 
-def _distribution(name: str, values: Sequence[float], limits: Mapping[str, float | None]) -> Row:
+def distribution(name: str, values: Sequence[float], limits: Mapping[str, float | None]) -> Row:
+    """Return the row of median, 90th percentile and largest of some values."""
     figures = {
         "median": float(np.median(values)),
         "p90": float(np.percentile(values, 90, method="nearest")),
@@ -220,7 +225,8 @@ def _distribution(name: str, values: Sequence[float], limits: Mapping[str, float
     return Row(name, text, target, met)
 
 
-def _single(name: str, value: float, limit: float | None) -> Row:
+def single(name: str, value: float, limit: float | None) -> Row:
+    """Return the row of one value and its limit, if there is one."""
     if limit is None:
         return Row(name, f"{value:.3g}", "", None)
     return Row(name, f"{value:.3g}", f"<= {limit:.3g}", value <= limit)

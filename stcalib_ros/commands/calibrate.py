@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stcalib_ros.commands.jobs import count, processes
-from stcalib_ros.core.errors import CalibrationError
+from stcalib_ros.core.errors import CalibrationError, InputError
 
 if TYPE_CHECKING:
     from stcalib_ros.core.model.calibration import Calibration
+    from stcalib_ros.core.model.lens_knowledge import LensKnowledge
     from stcalib_ros.core.model.recording import Recording
     from stcalib_ros.core.stages import Stages
     from stcalib_ros.io.config import Config
@@ -37,8 +38,14 @@ OUT.yaml is not touched; what was found is then kept as OUT.rejected.yaml, to be
 
 _CONFIG_HELP = """\
 YAML file with options by name (offset_range_s: 1.0), which cameras in which order
-(cameras: [cam0, cam1]), and topics and frames that differ from the above
-(camera: {cam0: {pose_topic: /a, info_topic: /b, frame: c, line_time_s: 15.0e-6}})"""
+(cameras: [cam0, cam1]), topics and frames that differ from the above
+(camera: {cam0: {pose_topic: /a, info_topic: /b, frame: c, line_time_s: 15.0e-6}}), and lenses
+(camera: {cam0: {intrinsics: refine, lens_group: gopro, field_of_view_deg: 90}})"""
+
+_INTRINSICS_HELP = """\
+what the intrinsics in CameraInfo are worth: given (default), refine (a guess, estimated from there
+on) or unknown (estimated; only the size of the image is used); with CAM=, of one camera; can be
+repeated"""
 
 
 def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = True) -> None:
@@ -54,6 +61,12 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
     parser.add_argument("-c", "--config", type=Path, metavar="FILE", help=_CONFIG_HELP)
     parser.add_argument(
         "--report", type=Path, metavar="OUT.html", help="also write a report with pictures"
+    )
+    parser.add_argument(
+        "--write-camera-info",
+        type=Path,
+        metavar="FOLDER",
+        help="also write the intrinsics, one CAM.yaml each, as camera_info_manager loads them",
     )
     _add_option_arguments(parser)
     parser.add_argument(
@@ -78,6 +91,14 @@ def _add_option_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         metavar="S",
         help="clocks are searched within plus and minus S seconds (default: 2)",
+    )
+    parser.add_argument(
+        "--intrinsics",
+        type=_intrinsics,
+        action="append",
+        default=[],
+        metavar="[CAM=]{given,refine,unknown}",
+        help=_INTRINSICS_HELP,
     )
     parser.add_argument(
         "--line-time",
@@ -114,14 +135,10 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
     from stcalib_ros.core.model.calibration import Status
     from stcalib_ros.core.pipeline import run_stages
     from stcalib_ros.io.bag import read_bag
-    from stcalib_ros.io.files import require_writable
+    from stcalib_ros.io.camera_info_yaml import write_camera_info
     from stcalib_ros.io.results import result_json
-    from stcalib_ros.report import require_matplotlib
 
-    require_writable(args.output)
-    if args.report is not None:
-        require_writable(args.report)
-        require_matplotlib("--report")
+    _require_outputs(args)
     config = config_of(args)
     progress = ProgressPrinter(None if args.quiet else sys.stderr)
     try:
@@ -143,10 +160,27 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
         print(result_json(stages.calibration))
     if stages.calibration.status is not Status.OK:
         raise CalibrationError(_refusal(stages.calibration, written))
+    if args.write_camera_info is not None:
+        write_camera_info(stages.calibration, args.write_camera_info)
+        written.append(args.write_camera_info)
     if not (args.quiet or args.json):
         print(calibration_text(stages.calibration))
         print(f"\nWritten to {' and '.join(map(str, filter(None, written)))}")
     return recording, stages.calibration
+
+
+def _require_outputs(args: argparse.Namespace) -> None:
+    """Make sure that all files can be written."""
+    from stcalib_ros.io.camera_info_yaml import require_camera_info_writable
+    from stcalib_ros.io.files import require_writable
+    from stcalib_ros.report import require_matplotlib
+
+    require_writable(args.output)
+    if args.report is not None:
+        require_writable(args.report)
+        require_matplotlib("--report")
+    if args.write_camera_info is not None:
+        require_camera_info_writable((), args.write_camera_info)
 
 
 def config_of(args: argparse.Namespace) -> Config:
@@ -158,9 +192,24 @@ def config_of(args: argparse.Namespace) -> Config:
     changes = {name: value for name, value in given.items() if value is not None}
     if args.estimate_line_time:
         changes["estimate_line_time"] = True
-    return Config(
-        replace(config.options, **changes), config.selection.with_line_delays(dict(args.line_time))
-    )
+    worth = dict(args.intrinsics)
+    if (everywhere := worth.pop(None, None)) is not None:
+        changes["intrinsics"] = everywhere.value
+    selection = config.selection.with_line_delays(dict(args.line_time)).with_lens_knowledge(worth)
+    return Config(replace(config.options, **changes), selection)
+
+
+def _intrinsics(text: str) -> tuple[str | None, LensKnowledge]:
+    """Camera, or None for all, and what its intrinsics are worth."""
+    from stcalib_ros.core.model.lens_knowledge import lens_knowledge
+
+    name, equals, worth = text.rpartition("=")
+    if equals and not name:
+        raise argparse.ArgumentTypeError(f"expected CAM={worth}, got {text!r}")
+    try:
+        return name or None, lens_knowledge(worth, name or "all cameras")
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _line_time(text: str) -> tuple[str, float]:

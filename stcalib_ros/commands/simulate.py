@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import Field, fields
+from dataclasses import Field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from stcalib_ros.commands.bag_and_truth import add_output_arguments, require_outputs, write_outputs
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.model.recording import Recording, keypoints_only
-from stcalib_ros.core.synthetic import BIAS_FORMS, PEOPLE, SceneOptions, simulate
+from stcalib_ros.core.model.recording import Recording, keypoints_only, unknown_intrinsics
+from stcalib_ros.core.synthetic import BIAS_FORMS, LENS_MODELS, PEOPLE, SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.rigs import read_rig
 
@@ -20,6 +20,7 @@ and its true values.
 
   stcalib simulate scene.mcap --truth scene_truth.yaml --n-cameras 6 --seed 3
   stcalib simulate flat.mcap --truth flat_truth.yaml --keypoints-only
+  stcalib simulate free.mcap --truth free_truth.yaml --unknown-lenses
 """
 
 _HELP = {
@@ -30,7 +31,10 @@ _HELP = {
     "area_radius_m": "people stay within about this of the middle",
     "fps": "frame rate: one, or one per camera",
     "image_size": "width and height, px",
-    "focal_px": "focal length",
+    "focal_px": "focal length: one, or one per camera",
+    "lens_model": "model of the lenses",
+    "distortion": "coefficients of that model in OpenCV's order",
+    "principal_point_px": "principal point, from the middle of the image",
     "ring_radius_m": "range of the distances of cameras from the middle",
     "ring_height_m": "range of the heights of cameras",
     "rig": "JSON file of given cameras (name, image_size, K, dist, R, t) instead of a ring",
@@ -71,6 +75,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CAM",
         help="this camera has no 3D poses; may be repeated",
     )
+    parser.add_argument(
+        "--unknown-lenses",
+        action="store_true",
+        help="K of every CameraInfo is zero, as of drivers without a calibration file",
+    )
     for field in fields(SceneOptions):
         flag = f"--{field.name.replace('_', '-')}"
         text = _HELP[field.name]
@@ -92,7 +101,10 @@ def run(args: argparse.Namespace) -> None:
     """
     require_outputs(args)
     scene = simulate(scene_options(args), clips=shipped_clips())
-    write_outputs(args, _given_poses(scene.recording, args), scene.truth)
+    recording = _given_poses(scene.recording, args)
+    if args.unknown_lenses:
+        recording = _without_lenses(recording)
+    write_outputs(args, recording, scene.truth)
 
 
 def _given_poses(recording: Recording, args: argparse.Namespace) -> Recording:
@@ -107,6 +119,13 @@ def _given_poses(recording: Recording, args: argparse.Namespace) -> Recording:
     return keypoints_only(recording, wanted)
 
 
+def _without_lenses(recording: Recording) -> Recording:
+    lenses = [camera.intrinsics for camera in recording.cameras]
+    unknown = [unknown_intrinsics(lens.width, lens.height) for lens in lenses]
+    pairs = zip(recording.cameras, unknown, strict=True)
+    return replace(recording, cameras=tuple(replace(c, intrinsics=lens) for c, lens in pairs))
+
+
 def scene_options(args: argparse.Namespace) -> SceneOptions:
     """Build the options of parsed arguments.
 
@@ -117,7 +136,7 @@ def scene_options(args: argparse.Namespace) -> SceneOptions:
     """
     given = {f.name: getattr(args, f.name) for f in fields(SceneOptions) if f.name in args}
     given = {name: tuple(v) if isinstance(v, list) else v for name, v in given.items()}
-    for name in ("fps", "line_time_s"):
+    for name in ("fps", "line_time_s", "focal_px"):
         if len(values := given.get(name, ())) == 1:
             given[name] = values[0]
     if "rig" in given:
@@ -130,6 +149,9 @@ def _settings(field: Field[Any]) -> dict[str, Any]:
     special: dict[str, dict[str, Any]] = {
         "fps": {"nargs": "+", "type": float, "metavar": "HZ"},
         "line_time_s": {"nargs": "+", "type": float, "metavar": "S"},
+        "focal_px": {"nargs": "+", "type": float, "metavar": "PX"},
+        "distortion": {"nargs": "+", "type": float, "metavar": "K"},
+        "lens_model": {"choices": LENS_MODELS},
         "rig": {"type": Path, "metavar": "FILE"},
         "people": {"choices": PEOPLE},
         "keypoint_bias_form": {"choices": BIAS_FORMS},

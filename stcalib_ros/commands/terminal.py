@@ -19,6 +19,7 @@ from stcalib_ros.wording import (
     decimals,
     frame_text,
     length_unit,
+    lens_rows,
     margin_text,
     plus_minus,
     scale_text,
@@ -104,6 +105,8 @@ def calibration_text(calibration: Calibration) -> str:
         f"reprojection error {calibration.reprojection_rms_px:.2f} px (rms)."
     )
     parts = [head, _cameras(calibration), _directions(calibration)]
+    if lenses := lens_rows(calibration):
+        parts.append(table(lenses))
     if remarks := whole_sentences(calibration.remarks, calibration.rejections):
         parts.append("\n".join(remarks))
     if calibration.persons:

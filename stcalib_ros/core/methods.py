@@ -18,12 +18,21 @@ from stcalib_ros.core.integration.exclusions import (
     largest_part,
     require_parallax,
 )
+from stcalib_ros.core.lifting.views import LiftedViews, with_lenses
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.paper.registration import PairRegistration
 from stcalib_ros.core.paper.stages import adjust_pairs, integrate_pairs, register_pairs
 from stcalib_ros.core.registration.executors import map_tasks
-from stcalib_ros.core.registration.pairs import pair_tasks, register
+from stcalib_ros.core.registration.pairs import (
+    PairTask,
+    agreements,
+    pair_tasks,
+    register,
+    with_agreements,
+)
+from stcalib_ros.core.registration.unknown_lenses import find_lenses
 from stcalib_ros.core.solution import CalibrationProblem, adjust_rigs, check_solution
 from stcalib_ros.core.validation.verdict import Solution, unsettled_cameras
 
@@ -38,10 +47,13 @@ class Registered:
         Relative poses of all pairs of cameras; a pair may have several.
     windows : tuple of PairRegistration
         What the paper's method found on its windows, pair by pair; empty with the default.
+    views : LiftedViews or None
+        All cameras lifted by the lenses that the pairs agree on; None: they stay as they were.
     """
 
     hypotheses: tuple[RelativePose, ...]
     windows: tuple[PairRegistration, ...] = ()
+    views: LiftedViews | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,23 +76,35 @@ class Method:
 
 
 def _register(problem: CalibrationProblem) -> Registered:
-    """Register and refine all pairs of cameras."""
-    tasks = pair_tasks(
-        problem.views.lifted,
-        problem.cameras,
-        problem.views.skeleton,
-        problem.options,
-        grid=problem.grid,
-    )
-    found = map_tasks(
-        register,
-        tasks,
-        problem.executor,
-        lambda fraction: problem.control.tick("pairwise registration", fraction),
-    )
+    """Register and refine all pairs of cameras, by the lenses that they agree on."""
+    views, tasks = problem.views, _pair_tasks(problem, problem.views)
+    if any(views.lifted[c].lens_knowledge is not LensKnowledge.GIVEN for c in problem.cameras):
+        views, tasks = _by_found_lenses(problem, tasks)
+    found = map_tasks(register, tasks, problem.executor, _ticks(problem, "pairwise registration"))
     hypotheses = credible([h for hypotheses in found for h in hypotheses])
-    require_parallax(problem.views.lifted, hypotheses)
-    return Registered(hypotheses)
+    require_parallax(views.lifted, hypotheses)
+    return Registered(hypotheses, views=views)
+
+
+def _by_found_lenses(
+    problem: CalibrationProblem, tasks: Sequence[PairTask]
+) -> tuple[LiftedViews, list[PairTask]]:
+    """Lift the cameras by the lenses that the pairs agree on, and return the tasks by these."""
+    found = map_tasks(agreements, tasks, problem.executor, _ticks(problem, "lenses"))
+    lenses = find_lenses(problem.views.lifted, tasks, found, problem.options.lens)
+    views = with_lenses(problem.views, lenses)
+    again = zip(_pair_tasks(problem, views), tasks, found, strict=True)
+    return views, [with_agreements(*one) for one in again]
+
+
+def _pair_tasks(problem: CalibrationProblem, views: LiftedViews) -> list[PairTask]:
+    return pair_tasks(
+        views.lifted, problem.cameras, views.skeleton, problem.options, grid=problem.grid
+    )
+
+
+def _ticks(problem: CalibrationProblem, stage: str) -> Callable[[float], None]:
+    return lambda fraction: problem.control.tick(stage, fraction)
 
 
 def _integrate(

@@ -120,6 +120,7 @@ def run_stages(
         selection = select_cameras(views.lifted, reference, options, screened.faults)
         problem = _problem(views, selection, options, control, executor)
         pairs = method.register(problem)
+        problem = replace(problem, views=pairs.views or views)
         hypotheses = pairs.hypotheses
         group, exclusions = largest_group(problem.exclusions, problem.cameras, hypotheses)
         rigs = method.integrate(problem, group, pairs)
@@ -127,12 +128,10 @@ def run_stages(
     except Insufficient as why:
         failed = _failed(recording, why, screened)
         return Stages(views.skeleton, views.lifted, hypotheses, rigs, (), failed)
+    problem = problem.at(solution.last.rig)
     calibration, alignment = _judged(screened, problem, solution)
     return Stages(
-        views.skeleton,
-        views.lifted,
-        hypotheses,
-        rigs,
+        *(views.skeleton, problem.views.lifted, hypotheses, rigs),
         solution.iterations,
         calibration,
         alignment,
@@ -169,7 +168,8 @@ def _judged(
     screened: ScreenedInput, problem: CalibrationProblem, solution: Solution
 ) -> tuple[Calibration, WorldAlignment]:
     """Judge a solution, and express it in the unit and frame of the result."""
-    recording, views, options = screened.recording, problem.views, problem.options
+    views, options = problem.views, problem.options
+    recording = views.recording
     alignment = place(
         recording, views.lifted, views.skeleton, solution.last, solution.covariance, options
     )

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 from stcalib_ros.core.bundle.initialization import Start, select_initial_rig
 from stcalib_ros.core.bundle.istba import initial_adjustment, run_istba
-from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.iteration import Iteration, absorbed
 from stcalib_ros.core.bundle.limits import OTHER_OFFSET_FRAMES
 from stcalib_ros.core.control import Control
 from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, largest_part
-from stcalib_ros.core.lifting.views import LiftedViews
+from stcalib_ros.core.lifting.views import LiftedViews, with_lenses
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Insufficient
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
@@ -66,6 +66,11 @@ class CalibrationProblem:
     control: Control
     executor: Executor | None = None
 
+    def at(self, rig: Rig) -> CalibrationProblem:
+        """The problem with the lenses of a rig."""
+        lenses = dict(zip(rig.cameras.tolist(), rig.lenses, strict=False))
+        return replace(self, views=with_lenses(self.views, lenses)) if lenses else self
+
 
 def adjust_rigs(
     problem: CalibrationProblem, rigs: Sequence[Rig], exclusions: Exclusions
@@ -110,7 +115,8 @@ def _name_faults(problem: CalibrationProblem, last: Iteration, left_out: Exclusi
 
     A clock that changes fits one solution before, and another one after.
     """
-    faults = inconsistencies(problem.views.lifted, problem.views.skeleton, last)
+    views = problem.at(last.rig).views
+    faults = inconsistencies(views.lifted, views.skeleton, last)
     named = {
         c: replace(found[0], cameras=(problem.exclusions.names[c],))
         for c, found in zip(last.rig.cameras.tolist(), faults, strict=True)
@@ -156,13 +162,14 @@ def _iterate(problem: CalibrationProblem, start: Start) -> tuple[tuple[Iteration
 
 def _solve(problem: CalibrationProblem, start: Start) -> Solution:
     """Bring an initial adjustment to the end, and check its cameras."""
-    views, options = problem.views, problem.options
+    options = problem.options
     iterations, exclusions = _iterate(problem, start)
     problem.control.tick_iteration(1.0, iterations[-1])
     unsettled = unsettled_cameras(iterations)
+    views = problem.at(iterations[-1].rig).views
     refined = refine(
         views.lifted,
-        iterations,
+        (*iterations[:-1], absorbed(iterations[-1])),
         views.skeleton.layout,
         options.bundle,
         estimate_line_delays=options.estimate_line_time,
@@ -192,9 +199,10 @@ def check_solution(
         Number of cameras that the last iteration before refinement still moved.
     """
     problem.control.tick("quality", 0.0)
+    views = problem.at(iterations[-1].rig).views
     checks = check_cameras(
-        problem.views.lifted,
-        problem.views.skeleton,
+        views.lifted,
+        views.skeleton,
         iterations[-1],
         covariance,
         offset_range_s=problem.options.offset_range_s,
@@ -225,7 +233,7 @@ def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
 
 def _without_mirrored(problem: CalibrationProblem, found: Solution) -> Solution:
     """Leave out cameras that agree with the others for a moment, and in a mirror all the time."""
-    rig, views = found.last.rig, problem.views
+    rig, views = found.last.rig, problem.at(found.last.rig).views
     mirrored: dict[int, Rejection] = {}
     for c, checks in zip(rig.cameras.tolist(), found.checks, strict=True):
         if checks.explained_fraction < DEFAULT.min_explained_fraction:
@@ -253,7 +261,7 @@ def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Soluti
     """Take back cameras that can be registered now that the people are known, if any can."""
     if not before.sound:
         return before
-    views, present = problem.views, before.last.rig.cameras.tolist()
+    views, present = problem.at(before.last.rig).views, before.last.rig.cameras.tolist()
     unsteady = {one.name for one in before.exclusions.cameras if one.rejection.reason in _UNSTEADY}
     found: dict[int, Resection] = {}
     mirrored: dict[int, Rejection] = {}

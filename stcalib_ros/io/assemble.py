@@ -11,6 +11,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.recording import CameraRecording, Recording, Track, unknown_joints
+from stcalib_ros.io.lens_settings import LensSettings, lens_of_settings
 from stcalib_ros.io.limits import MAX_REPEATED_IDS
 from stcalib_ros.io.messages import (
     NS,
@@ -23,6 +24,8 @@ from stcalib_ros.io.messages import (
 from stcalib_ros.io.plausible import require_name
 
 Warn = Callable[[str], None]
+
+_NO_SETTINGS = LensSettings()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +44,8 @@ class CameraImages:
         Takes precedence over that of the messages.
     line_time_s : float
         Of its shutter, seconds per row.
+    settings : LensSettings
+        What is said of its lens beside CameraInfo.
     """
 
     name: str
@@ -50,6 +55,7 @@ class CameraImages:
     info_topic: str
     frame_id: str | None = None
     line_time_s: float = 0.0
+    settings: LensSettings = _NO_SETTINGS
 
 
 def assemble_recording(cameras: Sequence[CameraImages], *, warn: Warn) -> Recording:
@@ -78,6 +84,8 @@ def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
     first = images[0]
     if n_infinite := sum(image.n_infinite for image in images):
         warn(f"{camera.pose_topic}: {n_infinite} infinite values taken as not observed")
+    given = lens(camera.info, rectified=first.rectified, topic=camera.info_topic)
+    start, knowledge = lens_of_settings(given, camera.settings, warn, f"camera {camera.name}")
     stamps_ns = np.array([image.stamp_ns - epoch_ns for image in images], dtype=np.int64)
     return CameraRecording(
         name=require_name(camera.name, f"{camera.pose_topic}: camera"),
@@ -85,13 +93,15 @@ def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
             camera.frame_id or first.frame_id or f"{camera.name}_optical_frame",
             f"{camera.pose_topic}: frame_id",
         ),
-        intrinsics=lens(camera.info, rectified=first.rectified, topic=camera.info_topic),
+        intrinsics=start,
         layout=first.layout,
         stamps=stamps_ns / NS,
         tracks=_tracks(camera.pose_topic, images, warn),
         metric=first.metric,
         line_time_s=camera.line_time_s,
         received=_received(images, epoch_ns),
+        lens_knowledge=knowledge,
+        lens_group=camera.settings.group,
     )
 
 

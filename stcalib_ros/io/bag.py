@@ -14,6 +14,7 @@ from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
 from stcalib_ros.io.bag_files import bag_files
 from stcalib_ros.io.bag_records import RawMessage, TopicSchema
 from stcalib_ros.io.bag_source import one_line, raw_messages, topic_schemas
+from stcalib_ros.io.lens_settings import info_with_size
 from stcalib_ros.io.limits import MAX_UNSTAMPED
 from stcalib_ros.io.message_types import Content, decode, decode_whole, types_of
 from stcalib_ros.io.messages import (
@@ -158,9 +159,13 @@ class _Contents:
             if not images:
                 warn(f"camera {camera.name} is left out: no message on {camera.pose_topic}")
                 continue
-            if camera.info_topic not in self._infos:
-                raise InputError(f"camera {camera.name}: no message on {camera.info_topic}")
-            info, _ = self._infos[camera.info_topic]
+            published, _ = self._infos.get(camera.info_topic, (None, 0))
+            info = info_with_size(published, camera.lens, f"camera {camera.name}")
+            if info is None:
+                raise InputError(
+                    f"camera {camera.name}: no message on {camera.info_topic}; without any, give "
+                    f"camera.{camera.name}.image_size in the configuration"
+                )
             out.append(
                 CameraImages(
                     name=camera.name,
@@ -170,6 +175,7 @@ class _Contents:
                     info_topic=camera.info_topic,
                     frame_id=camera.frame,
                     line_time_s=camera.line_time_s,
+                    settings=camera.lens,
                 )
             )
         return out

@@ -17,7 +17,7 @@ from stcalib_ros.core.model.recording import CameraRecording, Intrinsics, Record
 from stcalib_ros.io.cdr import CdrWriter
 from stcalib_ros.io.files import atomic_path, require_writable
 from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, TYPES
-from stcalib_ros.io.messages import NS
+from stcalib_ros.io.messages import NS, fields_of_lens
 
 _INFO_EVERY_NS = NS
 
@@ -183,16 +183,15 @@ def _poses_data(camera: CameraRecording, stamp_ns: int, persons: list[tuple[Trac
 
 
 def _info_data(camera: CameraRecording, stamp_ns: int) -> bytes:
-    lens = camera.intrinsics
+    info = fields_of_lens(camera.intrinsics)
     cdr = CdrWriter()
     _header(cdr, stamp_ns, camera.frame_id)
-    cdr.uint32(lens.height)
-    cdr.uint32(lens.width)
-    cdr.string(lens.model.value)
-    cdr.float64s(lens.D)
-    cdr.float64s(lens.K, fixed=True)
-    cdr.float64s(lens.R_rect_cam, fixed=True)
-    cdr.float64s(np.hstack([lens.K, np.zeros((3, 1))]), fixed=True)
+    cdr.uint32(info.height)
+    cdr.uint32(info.width)
+    cdr.string(info.distortion_model)
+    cdr.float64s(camera.intrinsics.D)
+    for matrix in (info.k, info.r, info.p):
+        cdr.float64s(matrix, fixed=True)
     for binning_or_roi in (0, 0, 0, 0, 0, 0):
         cdr.uint32(binning_or_roi)
     cdr.boolean(False)

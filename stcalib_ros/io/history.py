@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.io.camera_info_yaml import write_camera_info
 from stcalib_ros.io.files import sweep, sync_folder, write_text
 from stcalib_ros.io.limits import MAX_FILES
 from stcalib_ros.io.results import read_result, result_text
@@ -164,34 +165,68 @@ class History:
             history's, or cannot be written to.
         """
         self._make_folder()
-        try:
-            path = self._below(name)
+        with _writing(name):
+            path = self._file_below(name)
             sweep(path.parent)
-            if not path.exists() and sum(1 for _ in path.parent.iterdir()) >= MAX_FILES:
-                raise InputError(f"{path.parent} has {MAX_FILES} files already; remove some")
-        except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
-            problem = getattr(error, "strerror", error)
-            raise InputError(f"cannot write {name!r}: {problem}") from error
+            _require_room(path.parent, 0 if path.exists() else 1)
         write_text(path, result_text(calibration))
+        return path
+
+    def export_camera_info(self, calibration: Calibration, name: str) -> Path:
+        """Write the lenses of a calibration, a file for each camera, to a folder below this one.
+
+        Parameters
+        ----------
+        calibration : Calibration
+        name : str
+            Path relative to the folder; it is made if only its last part is not there.
+
+        Raises
+        ------
+        InputError
+            The name is absolute, leads out of the folder by ``..`` or by a link, ends in
+            ``.yaml``, or cannot be written to.
+        """
+        self._make_folder()
+        with _writing(name):
+            folder = self._folder_below(name)
+            if not folder.exists():
+                _require_room(folder.parent, 1)
+                folder.mkdir()
+            sweep(folder)
+            _require_room(folder, len(calibration.cameras))
+        write_camera_info(calibration, folder)
+        return folder
+
+    def _file_below(self, name: str) -> Path:
+        path = self._below(name)
+        if path.suffix != ".yaml" or path.name.startswith("calibration."):
+            raise InputError(
+                f"{name!r}: name a file that ends in .yaml and does not begin with 'calibration.'"
+            )
+        if path.is_dir():
+            raise InputError(f"cannot write {name!r}: name a file in a folder that exists")
+        return path
+
+    def _folder_below(self, name: str) -> Path:
+        path = self._below(name)
+        if path.suffix == ".yaml" or (path.exists() and not path.is_dir()):
+            raise InputError(f"{name!r}: name a folder, which does not end in .yaml")
         return path
 
     def _below(self, name: str) -> Path:
         relative = Path(name)
         if not name.isprintable():
             raise InputError(f"{name!r}: name a file by printable characters")
-        if not name or relative.is_absolute() or ".." in relative.parts:
+        if not relative.name or relative.is_absolute() or ".." in relative.parts:
             raise InputError(
                 f"{name!r} is not a path below the results folder: no '/' first, no '..'"
-            )
-        if relative.suffix != ".yaml" or relative.name.startswith("calibration."):
-            raise InputError(
-                f"{name!r}: name a file that ends in .yaml and does not begin with 'calibration.'"
             )
         root, path = self.folder.resolve(), self.folder / relative
         parent = path.parent.resolve(strict=True)
         if not parent.is_relative_to(root) or path.is_symlink():
             raise InputError(f"{name!r} is a link or leads through one out of the results folder")
-        if not parent.is_dir() or path.is_dir():
+        if not parent.is_dir():
             raise InputError(f"cannot write {name!r}: name a file in a folder that exists")
         return parent / path.name
 
@@ -240,6 +275,21 @@ class History:
             yield
         except OSError as error:
             raise InputError(f"cannot list {self.folder}: {error.strerror}") from error
+
+
+@contextmanager
+def _writing(name: str) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
+        problem = getattr(error, "strerror", error)
+        raise InputError(f"cannot write {name!r}: {problem}") from error
+
+
+def _require_room(folder: Path, n: int) -> None:
+    """Demand that so many new files do not fill a folder beyond what it may hold."""
+    if sum(1 for _ in folder.iterdir()) + n > MAX_FILES:
+        raise InputError(f"{folder} has room for no more than {MAX_FILES} files; remove some")
 
 
 def _regular(path: Path) -> Path:

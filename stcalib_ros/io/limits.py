@@ -67,6 +67,14 @@ MAX_COUNT = 2**32 - 1
 MAX_IMAGE_SIDE = 100_000
 """Pixels. An image that is wider or higher is none. Ten times the largest sensors; not measured."""
 
+MIN_VIEW_DEG = 5.0
+"""Degrees. No smaller horizontal field of view is taken from a data sheet: a person who fills it is
+20 m away. Chosen."""
+
+MAX_VIEW_DEG = 180.0
+"""Degrees. No larger horizontal field of view is taken from a data sheet: keypoints are brought to
+a plane before the camera. By definition of that plane."""
+
 MAX_DISTANCE = 1e6
 """Metres, or distances of the first two cameras. Cameras are nearer to each other. Chosen."""
 

@@ -19,7 +19,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
 from stcalib_ros.core.model.keypoint_layouts import Layout, find_layout
-from stcalib_ros.core.model.recording import Intrinsics
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.io.limits import MAX_COORDINATE
 
 NS = 1_000_000_000
@@ -158,6 +158,40 @@ def camera_info_fields(message: Any) -> CameraInfoFields:
         binning_x=int(message.binning_x),
         binning_y=int(message.binning_y),
         roi=(int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
+    )
+
+
+_USUAL_COEFFICIENTS = {
+    LensModel.PLUMB_BOB: 5,
+    LensModel.RATIONAL_POLYNOMIAL: 8,
+    LensModel.EQUIDISTANT: 4,
+}
+"""Distortion coefficients that drivers and rectifying nodes expect at least, by lens model."""
+
+
+def fields_of_lens(lens: Intrinsics) -> CameraInfoFields:
+    """Return the ``sensor_msgs/CameraInfo`` of the image that a lens describes.
+
+    Numbers of a lens that is not known are 0, as drivers without a calibration file have them.
+
+    Parameters
+    ----------
+    lens : Intrinsics
+        That of the published image: the region of interest and binning are done.
+    """
+    K = lens.K if lens.known else np.zeros((3, 3))
+    D = np.pad(lens.D, (0, max(_USUAL_COEFFICIENTS[lens.model] - lens.D.size, 0)))
+    return CameraInfoFields(
+        width=int(lens.width),
+        height=int(lens.height),
+        distortion_model=lens.model.value if lens.known else "",
+        d=tuple(D.tolist()) if lens.known else (),
+        k=tuple(K.ravel().tolist()),
+        r=tuple(lens.R_rect_cam.ravel().tolist()),
+        p=tuple(np.hstack([K, np.zeros((3, 1))]).ravel().tolist()),
+        binning_x=0,
+        binning_y=0,
+        roi=(0, 0, 0, 0),
     )
 
 

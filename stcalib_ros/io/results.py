@@ -19,6 +19,7 @@ from stcalib_ros.core.model.calibration import (
     PersonAssociation,
     Status,
 )
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev, lens_knowledge
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.io.files import write_text
 from stcalib_ros.io.plausible import require_lens, require_name
@@ -209,7 +210,7 @@ def _plain_camera(camera: CameraCalibration) -> dict[str, Any]:
         "clock_skew": float(camera.clock_skew),
         "clock_skew_stddev": float(camera.clock_skew_stddev),
         **_plain_shutter(camera),
-        "intrinsics": _plain_lens(camera.intrinsics),
+        "intrinsics": _plain_lens(camera.intrinsics) | _plain_knowledge(camera),
     }
 
 
@@ -236,6 +237,21 @@ def _plain_lens(lens: Intrinsics) -> dict[str, Any]:
     return plain
 
 
+def _plain_knowledge(camera: CameraCalibration) -> dict[str, Any]:
+    """What estimated intrinsics were worth before, and how well they are known."""
+    if camera.lens_knowledge is LensKnowledge.GIVEN:
+        return {}
+    plain: dict[str, Any] = {"knowledge": camera.lens_knowledge.value}
+    if (stddev := camera.lens_stddev) is not None:
+        plain["stddev"] = {
+            "focal_px": float(stddev.focal_px),
+            "cx_px": float(stddev.cx_px),
+            "cy_px": float(stddev.cy_px),
+            "radial": [float(value) for value in stddev.radial],
+        }
+    return plain
+
+
 def _plain_person(person: PersonAssociation) -> dict[str, Any]:
     return {
         "id": int(person.person_id),
@@ -246,10 +262,12 @@ def _plain_person(person: PersonAssociation) -> dict[str, Any]:
 
 
 def _camera(name: str, entry: Entry) -> CameraCalibration:
+    lens = entry.get("intrinsics")
+    knowledge = lens.get("knowledge", LensKnowledge.GIVEN.value)
     return CameraCalibration(
         name=require_name(name, f"{entry.path}: name"),
         frame_id=entry.get("frame_id", f"{name}_optical_frame").name(),
-        intrinsics=_lens(entry.get("intrinsics")),
+        intrinsics=_lens(lens),
         R_ref_cam=entry.get("rotation").rotation(),
         t_ref_cam=entry.get("translation").position(),
         covariance=entry.get("covariance", [np.nan] * 36).numbers(36, finite=False).reshape(6, 6),
@@ -259,6 +277,19 @@ def _camera(name: str, entry: Entry) -> CameraCalibration:
         clock_skew_stddev=entry.get("clock_skew_stddev", np.nan).number(),
         line_time_s=entry.get("line_time_s", 0.0).time(),
         line_time_stddev_s=entry.get("line_time_stddev_s", np.nan).number(),
+        lens_knowledge=lens_knowledge(knowledge.text(), knowledge.path),
+        lens_stddev=_lens_stddev(lens.get("stddev", {})),
+    )
+
+
+def _lens_stddev(entry: Entry) -> LensStddev | None:
+    if not entry.items():
+        return None
+    return LensStddev(
+        focal_px=entry.get("focal_px").number(),
+        cx_px=entry.get("cx_px").number(),
+        cy_px=entry.get("cy_px").number(),
+        radial=tuple(entry.get("radial", []).numbers(finite=False).tolist()),
     )
 
 

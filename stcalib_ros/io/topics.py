@@ -8,17 +8,27 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
+from stcalib_ros.io.lens_settings import (
+    LENS_KEYS,
+    LensSettings,
+    lens_settings,
+    require_lens_groups,
+)
 from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, Content, types_of
+
+_NO_LENS = LensSettings()
 
 
 @dataclass(frozen=True, slots=True)
 class CameraTopics:
-    """Topics, frame and line time (seconds per row) of one camera; None: by convention."""
+    """Topics, frame, line time (seconds per row) and lens of one camera; None: by convention."""
 
     pose_topic: str | None = None
     info_topic: str | None = None
     frame: str | None = None
     line_time_s: float | None = None
+    lens: LensSettings = _NO_LENS
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +53,14 @@ class CameraSelection:
         }
         return replace(self, camera={**self.camera, **changed})
 
+    def with_lens_knowledge(self, knowledge: Mapping[str, LensKnowledge]) -> CameraSelection:
+        """The same with what intrinsics are worth by name of camera; it takes precedence."""
+        changed = {}
+        for name, worth in knowledge.items():
+            own = self.camera.get(name, CameraTopics())
+            changed[name] = replace(own, lens=replace(own.lens, knowledge=worth))
+        return replace(self, camera={**self.camera, **changed})
+
 
 @dataclass(frozen=True, slots=True)
 class SelectedCamera:
@@ -56,6 +74,8 @@ class SelectedCamera:
         Optical frame; None: the frame_id of the poses.
     line_time_s : float
         Line delay of its shutter, seconds per row.
+    lens : LensSettings
+        What is said of its lens beside CameraInfo.
     pose_type, info_type : str
         Types of the topics, of `stcalib_ros.io.message_types.TYPES`.
     """
@@ -65,6 +85,7 @@ class SelectedCamera:
     info_topic: str
     frame: str | None
     line_time_s: float = 0.0
+    lens: LensSettings = _NO_LENS
     pose_type: str = PERSON_POSES.name
     info_type: str = CAMERA_INFO.name
 
@@ -76,6 +97,7 @@ def selection_from_mapping(cameras: object, camera: object) -> CameraSelection:
     ----------
     cameras : list of str or None
     camera : mapping of name to ``{pose_topic:, info_topic:, frame:, line_time_s:}`` or None
+        And `stcalib_ros.io.lens_settings.LENS_KEYS`.
 
     Raises
     ------
@@ -93,24 +115,28 @@ def selection_from_mapping(cameras: object, camera: object) -> CameraSelection:
         return CameraSelection(names)
     if not isinstance(camera, Mapping):
         raise InputError(f"option camera: expected a mapping by camera name, got {camera!r}")
-    return CameraSelection(names, {str(k): _topics(str(k), v) for k, v in camera.items()})
+    own = {str(k): _topics(str(k), v) for k, v in camera.items()}
+    require_lens_groups({name: topics.lens for name, topics in own.items()})
+    return CameraSelection(names, own)
 
 
 def _topics(name: str, given: Any) -> CameraTopics:
-    known = tuple(field.name for field in fields(CameraTopics))
+    topics = tuple(field.name for field in fields(CameraTopics) if field.name != "lens")
+    known = (*topics, *LENS_KEYS)
     if not isinstance(given, Mapping):
         raise InputError(f"option camera.{name}: expected {', '.join(known)}, got {given!r}")
     for key, value in given.items():
         if key not in known:
             raise InputError(f"unknown option camera.{name}.{key}: there are {', '.join(known)}")
-        if key == "line_time_s":
+        if key == "line_time_s" or key in LENS_KEYS:
             continue
         if not isinstance(value, str) or not value:
             raise InputError(f"option camera.{name}.{key}: expected text, got {value!r}")
     line_time = given.get("line_time_s")
     return CameraTopics(
-        **{key: value for key, value in given.items() if key != "line_time_s"},
+        **{key: given[key] for key in topics if key in given and key != "line_time_s"},
         line_time_s=None if line_time is None else _seconds(line_time, f"camera.{name}"),
+        lens=lens_settings(given, f"camera.{name}"),
     )
 
 
@@ -145,12 +171,7 @@ def select_cameras(
         what there is.
     """
     pose_topics = _pose_topics(types_by_topic, selection)
-    timed = [n for n, own in selection.camera.items() if own.line_time_s is not None]
-    if unknown := [name for name in timed if name not in pose_topics]:
-        raise InputError(
-            f"line_time_s of camera {unknown[0]}: no person poses of it; "
-            f"the bag has {_listing(types_by_topic, Content.POSES)}"
-        )
+    _require_poses_of_settings(types_by_topic, selection, pose_topics)
     wanted = selection.cameras
     if wanted is None:
         wanted = tuple(sorted(pose_topics, key=_natural))
@@ -164,7 +185,8 @@ def select_cameras(
         own = selection.camera.get(name, CameraTopics())
         pose_topic = pose_topics[name]
         info_topic = own.info_topic or pose_topic.rpartition("/")[0] + "/camera_info"
-        _require_type(types_by_topic, info_topic, Content.INTRINSICS, f"camera {name}")
+        if own.info_topic or own.lens.image_size is None or info_topic in types_by_topic:
+            _require_type(types_by_topic, info_topic, Content.INTRINSICS, f"camera {name}")
         cameras.append(
             SelectedCamera(
                 name=name,
@@ -172,11 +194,27 @@ def select_cameras(
                 info_topic=info_topic,
                 frame=own.frame,
                 line_time_s=own.line_time_s or 0.0,
+                lens=own.lens,
                 pose_type=types_by_topic[pose_topic],
-                info_type=types_by_topic[info_topic],
+                info_type=types_by_topic.get(info_topic, CAMERA_INFO.name),
             )
         )
     return tuple(cameras)
+
+
+def _require_poses_of_settings(
+    types_by_topic: Mapping[str, str],
+    selection: CameraSelection,
+    pose_topics: Mapping[str, str],
+) -> None:
+    """Demand that what is said of a camera is said of one that there is."""
+    for name, own in selection.camera.items():
+        said = [("line_time_s", own.line_time_s is not None), ("intrinsics", own.lens != _NO_LENS)]
+        if name not in pose_topics and (what := [key for key, is_said in said if is_said]):
+            raise InputError(
+                f"{what[0]} of camera {name}: no person poses of it; "
+                f"the bag has {_listing(types_by_topic, Content.POSES)}"
+            )
 
 
 def camera_name(pose_topic: str) -> str:

@@ -57,6 +57,8 @@ def report_html(recording: Recording, stages: Stages, *, truth: Calibration | No
     if c.cameras:
         parts.append(image(overview_png(stages, truth), "Cameras and people", _OVERVIEW))
         parts.append(section("Cameras", tables.cameras(stages), *tables.directions(c)))
+    if lenses := tables.lenses(c):
+        parts.append(section("Lenses", lenses, paragraph(tables.LENSES_HELP)))
     if c.uncalibrated:
         parts.append(section("Not calibrated", tables.uncalibrated(c)))
     if c.persons:

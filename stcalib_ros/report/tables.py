@@ -21,6 +21,7 @@ from stcalib_ros.wording import (
     decimals,
     frame_text,
     length_unit,
+    lens_rows,
     margin_text,
     plus_minus,
     scale_text,
@@ -32,6 +33,10 @@ PERSONS_HELP = (
     "Tracks are the ids of each camera's own tracker; several of one camera are pieces of one "
     "person. The last column says how many times worse the keypoints would fit the next best "
     "assignment: near 1, two people could not be distinguished."
+)
+LENSES_HELP = (
+    "Lenses that were not given are estimated with the poses. ± is one standard deviation; "
+    "numbers without it were held at what was given or assumed."
 )
 PAIRS_HELP = (
     "Bones: median angle between the bones of the two monocular 3D poses of a person, after "
@@ -110,6 +115,12 @@ def _camera(camera: CameraCalibration, errors: CameraErrors, reference: str) -> 
         clock_text(camera, reference, _PLUS_MINUS),
         f"{len(errors.inliers)} ({errors.inlier_fraction:.0%})",
     )
+
+
+def lenses(c: Calibration) -> str:
+    """List what was found of lenses that were not given; nothing if all were."""
+    rows = lens_rows(c, _PLUS_MINUS)
+    return table(rows) if rows else ""
 
 
 def directions(c: Calibration) -> tuple[str, str]:

@@ -9,11 +9,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.io.assemble import CameraImages
 from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage
 from stcalib_ros.io.stamps import SAME_CLOCK, ClockCorrection
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.camera_buffer import CameraBuffer, Clock, Counts, Warn
+from stcalib_ros.ros.lens_input import DriverImage
 from stcalib_ros.ros.streams import Limits
 
 
@@ -74,6 +76,12 @@ class Buffers:
             for buffer in self._buffers.values():
                 buffer.set_limits(limits)
 
+    def set_default(self, default: LensKnowledge) -> None:
+        """Say what the CameraInfo of cameras is worth whose parameters do not."""
+        with self._lock:
+            for buffer in self._buffers.values():
+                buffer.default = default
+
     def counts(self) -> dict[str, Counts]:
         """State of every camera."""
         with self._settled() as buffers:
@@ -86,9 +94,13 @@ class Buffers:
         return max(stamps) / NS if stamps else math.nan
 
     def moving(self) -> dict[str, frozenset[int]]:
-        """Whole seconds, by the stamps of each camera with a lens, in which somebody moves."""
+        """Whole seconds, by the stamps of each camera that is ready, in which somebody moves."""
         with self._settled() as buffers:
-            return {n: frozenset(b.moving) for n, b in buffers.items() if b.info is not None}
+            return {
+                n: frozenset(b.moving)
+                for n, b in buffers.items()
+                if b.info is not None and b.no_lens is None
+            }
 
     def snapshot(
         self,
@@ -112,7 +124,7 @@ class Buffers:
         Returns
         -------
         list of CameraImages
-            Of the cameras that have images and a lens, in the order of the configuration.
+            Of the cameras that have images and a CameraInfo, in the order of the configuration.
         """
         wanted = frozenset(names)
         out = []
@@ -121,9 +133,14 @@ class Buffers:
                 clock = (clocks or {}).get(name, SAME_CLOCK)
                 low, high = clock.camera_time(start_s), clock.camera_time(end_s)
                 images = [i for i in buffer.images if low <= i.stamp_ns / NS <= high]
-                if images and buffer.info is not None and (not wanted or name in wanted):
-                    out.append(_camera_images(buffer.camera, images, buffer.info))
+                if images and (info := buffer.info) is not None and (not wanted or name in wanted):
+                    out.append(_camera_images(buffer.camera, images, info))
         return out
+
+    def driver_images(self) -> dict[str, DriverImage]:
+        """Which image the keypoints of every camera are in."""
+        with self._settled() as buffers:
+            return {name: buffer.driver_image for name, buffer in buffers.items()}
 
     @contextmanager
     def _settled(self) -> Iterator[Mapping[str, CameraBuffer]]:
@@ -145,4 +162,5 @@ def _camera_images(
         info_topic=camera.info_topic,
         frame_id=camera.frame,
         line_time_s=camera.line_time_s,
+        settings=camera.lens,
     )

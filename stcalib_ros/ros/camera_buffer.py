@@ -12,16 +12,27 @@ import numpy as np
 
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.lifting.keypoint_checks import has_enough, keypoint_fault
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.rejection import Rejection
+from stcalib_ros.core.model.rejection_text import sentence
+from stcalib_ros.io.lens_settings import info_with_size
 from stcalib_ros.io.messages import (
     NS,
     CameraInfoFields,
     PoseImage,
     camera_info_fields,
-    lens,
     pose_image,
 )
 from stcalib_ros.io.topics import SelectedCamera
+from stcalib_ros.ros.lens_input import (
+    DriverImage,
+    image_alone,
+    knowledge_of,
+    lens_change,
+    lens_problem,
+    missing_lens,
+    require_info_bounds,
+)
 from stcalib_ros.ros.limits import (
     LENS_QUIET_S,
     MAX_CHECKED_IMAGES,
@@ -50,7 +61,7 @@ class Counts:
     age_s : float
         Time since the last pose message arrived; inf if none has.
     has_info : bool
-        A usable CameraInfo is there.
+        There is a CameraInfo, or the parameters give the size of the image.
     moving_s : int
         Seconds of the window in which somebody moves.
     received, dropped, flushes : int
@@ -68,6 +79,8 @@ class Counts:
         Why the keypoints cannot be those of people.
     dropped_age_s : float
         Time since the last message was dropped; inf if none was.
+    no_lens : Rejection or None
+        Why the camera cannot be calibrated by its CameraInfo.
     """
 
     images: int
@@ -85,6 +98,7 @@ class Counts:
     images_3d: int = 0
     fault: Rejection | None = None
     dropped_age_s: float = math.inf
+    no_lens: Rejection | None = None
 
 
 @dataclass(slots=True)
@@ -111,12 +125,20 @@ class CameraBuffer:
 
     Images are followed by a `stcalib_ros.ros.streams.Follower`. Another CameraInfo than the one in
     force counts when the latter has not come for `LENS_QUIET_S`: a driver that was configured anew
-    repeats its new one, or has latched it. Images since then are those of the new lens.
+    repeats its new one, or has latched it. Images since then are those of the new lens. Of a lens
+    that is estimated, only the image counts: a driver that takes over what was found changes
+    nothing.
+
+    Attributes
+    ----------
+    default : LensKnowledge
+        What the CameraInfo is worth, if the camera's parameters do not say.
     """
 
     def __init__(self, camera: SelectedCamera, limits: Limits, warn: Warn, clock: Clock) -> None:
         self.camera, self.limits = camera, limits
-        self.info: CameraInfoFields | None = None
+        self.default = LensKnowledge.GIVEN
+        self._published: CameraInfoFields | None = None
         self._warn, self._clock = warn, clock
         self._follower = Follower(limits)
         self._others: dict[CameraInfoFields, _OtherLens] = {}
@@ -124,6 +146,27 @@ class CameraBuffer:
         self._dropped_at_s = -math.inf
         self._received = self._dropped = self._flushes = 0
         self._last_problem = ""
+
+    @property
+    def knowledge(self) -> LensKnowledge:
+        """What the CameraInfo is worth."""
+        return knowledge_of(self.camera.lens, self.default)
+
+    @property
+    def info(self) -> CameraInfoFields | None:
+        """What there is to calibrate with; None if not even the size of the image is known."""
+        info = self._sized
+        return None if info is None else self._used(info)
+
+    @property
+    def no_lens(self) -> Rejection | None:
+        """Why the camera cannot be calibrated by what there is; None also if there is nothing."""
+        return None if (info := self.info) is None else self._missing(info)
+
+    @property
+    def driver_image(self) -> DriverImage:
+        """Which image the keypoints are in."""
+        return DriverImage(self._sized, bool(self.images) and self.images[-1].rectified)
 
     @property
     def images(self) -> Sequence[PoseImage]:
@@ -160,14 +203,14 @@ class CameraBuffer:
         """Take in a message as ``CameraInfo``; a change empties the buffer."""
         topic = self.camera.info_topic
         try:
-            _require_info_bounds(message, topic)
+            require_info_bounds(message, topic)
             info = camera_info_fields(message)
             self._require_lens(info)
         except (InputError, ValueError, TypeError) as error:
             self._drop(str(error))
             return
-        if self.info is None or info == self.info:
-            self.info = info
+        if self._continues(info):
+            self._published = info
             self._drop_lenses()
             return
         self._note_other(info)
@@ -179,14 +222,40 @@ class CameraBuffer:
         self._follower.set_limits(limits)
 
     def _require_lens(self, info: CameraInfoFields) -> None:
-        """Demand intrinsics of the image that the keypoints are in: the raw or the rectified one.
+        """Demand what can describe the image that the keypoints are in: the raw or rectified one.
 
         The pose messages say which; before the first of them, either will do.
         """
+        topic = self.camera.info_topic
+        used = self._used(info_with_size(info, self.camera.lens, topic) or info)
         choices = (self.images[-1].rectified,) if self.images else (False, True)
-        problems = [_lens_problem(info, rectified, self.camera.info_topic) for rectified in choices]
+        problems = [lens_problem(used, rectified, topic) for rectified in choices]
         if all(problems):
             raise InputError(problems[0])
+        has_lens = self._published is not None and self.no_lens is None
+        if has_lens and (why := self._missing(used)) is not None:
+            raise InputError(f"{topic}: {sentence(why)}")
+
+    def _missing(self, info: CameraInfoFields) -> Rejection | None:
+        """Return why the camera cannot be calibrated by a CameraInfo."""
+        name, settings, rectified = self.camera.name, self.camera.lens, self.driver_image.rectified
+        return missing_lens(name, info, settings, self.knowledge, rectified=rectified)
+
+    def _continues(self, info: CameraInfoFields) -> bool:
+        """Whether a CameraInfo is the first one, the same, or has the lens that was lacking."""
+        before = self._published
+        if before is None or self._used(info) == self._used(before):
+            return True
+        return self.no_lens is not None and image_alone(info) == image_alone(before)
+
+    @property
+    def _sized(self) -> CameraInfoFields | None:
+        """What is published, with the size of the image if the parameters give it."""
+        return info_with_size(self._published, self.camera.lens, self.camera.info_topic)
+
+    def _used(self, info: CameraInfoFields) -> CameraInfoFields:
+        """Return what of a CameraInfo is used."""
+        return image_alone(info) if self.knowledge is LensKnowledge.UNKNOWN else info
 
     def settle(self) -> None:
         """Take over a change that has proved to be one by now."""
@@ -221,20 +290,24 @@ class CameraBuffer:
             images_3d=sum(image.joints is not None for image in self.images),
             fault=self._fault(),
             dropped_age_s=self._clock() - self._dropped_at_s,
+            no_lens=self.no_lens,
         )
 
     def _fault(self) -> Rejection | None:
         """Return why the keypoints cannot be those of people, by some images of the window."""
-        if self.info is None or not self.images:
+        info = self.info
+        if info is None or not self.images:
             return None
         stride = math.ceil(len(self.images) / MAX_CHECKED_IMAGES)
         some = list(islice(self.images, 0, None, stride))
         poses = np.concatenate([image.keypoints for image in some])
         scores = np.concatenate([image.joint_scores for image in some])
         poses = np.where((scores > 0)[..., None], poses, np.nan)
-        width, height = self.info.width, self.info.height
         return keypoint_fault(
-            poses[has_enough(poses)], camera=self.camera.name, width=width, height=height
+            poses[has_enough(poses)],
+            camera=self.camera.name,
+            width=info.width,
+            height=info.height,
         )
 
     def _take(self, image: PoseImage, now_s: float) -> None:
@@ -259,7 +332,7 @@ class CameraBuffer:
                 self._count_dropped(1)
             newest_ns = self.images[-1].stamp_ns if self.images else 0
             self._others[info] = _OtherLens(self._clock(), newest_ns)
-            why = _lens_change(self.camera.info_topic, self.info, info)
+            why = lens_change(self.camera.info_topic, self._published, info)
             self._warn("lens", f"{why} (waiting to see whether it lasts)")
         self._others[info].n += 1
 
@@ -268,10 +341,14 @@ class CameraBuffer:
         other = self._others[info]
         if now_s - other.since_s < LENS_QUIET_S:
             return
+        before, self._published, self._others = self._published, info, {}
+        why = lens_change(self.camera.info_topic, before, info)
+        estimated = self.knowledge is not LensKnowledge.GIVEN
+        if estimated and before is not None and image_alone(before) == image_alone(info):
+            self._warn("lens", f"{why}; it is refined from there on")
+            return
         had_images = bool(self.images)
-        why = _lens_change(self.camera.info_topic, self.info, info)
         self._follower.forget(other.newest_ns)
-        self.info, self._others = info, {}
         if had_images:
             self._flushed(why)
 
@@ -279,7 +356,7 @@ class CameraBuffer:
         if self._others:
             self._count_dropped(len(self._others))
             other = next(iter(self._others))
-            self._last_problem = _lens_change(self.camera.info_topic, self.info, other)
+            self._last_problem = lens_change(self.camera.info_topic, self._published, other)
             self._others.clear()
 
     def _flushed(self, why: str) -> None:
@@ -319,27 +396,3 @@ def _require_pose_bounds(message: Any, limits: Limits) -> None:
                 f"a person of {max(sizes):.0f} joints; {limits.max_joints} are accepted "
                 "(max_joints)"
             )
-
-
-def _require_info_bounds(message: Any, topic: str) -> None:
-    if max(len(message.d), len(message.distortion_model)) > MAX_TEXT:
-        raise InputError(f"{topic}: oversize CameraInfo")
-    numbers = np.concatenate([np.asarray(getattr(message, f), dtype=float) for f in "dkrp"])
-    if not np.isfinite(numbers).all():
-        raise InputError(f"{topic}: CameraInfo has numbers that are not finite")
-
-
-def _lens_problem(info: CameraInfoFields, rectified: bool, topic: str) -> str:
-    """Why a CameraInfo has no usable intrinsics of that image; empty if it has."""
-    try:
-        lens(info, rectified=rectified, topic=topic)
-    except InputError as error:
-        return str(error)
-    return ""
-
-
-def _lens_change(topic: str, before: CameraInfoFields | None, after: CameraInfoFields) -> str:
-    """Which field of the CameraInfo changes first, and how."""
-    field = next(f for f in after._fields if getattr(before, f, None) != getattr(after, f))
-    was, is_now = getattr(before, field, None), getattr(after, field)
-    return one_line(f"{topic}: CameraInfo changes: {field} was {was!r} and is {is_now!r}", MAX_LINE)

@@ -12,6 +12,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Quaternion
 from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import CameraInfo, RegionOfInterest
 from std_msgs.msg import Header
 
 from stcalib_ros.core.errors import InputError
@@ -21,11 +22,12 @@ from stcalib_ros.core.model.calibration import (
     PairResidual,
     PersonAssociation,
 )
+from stcalib_ros.core.model.lens_knowledge import LensStddev
 from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.model.rejection_text import labelled
-from stcalib_ros.io.messages import NS
+from stcalib_ros.io.messages import NS, CameraInfoFields, fields_of_lens
 from stcalib_ros.io.stamps import ClockCorrection
-from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, TimeOffset
+from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, CameraIntrinsics, TimeOffset
 from stcalib_ros.msg import PairResidual as PairResidualMessage
 from stcalib_ros.msg import PersonAssociation as PersonAssociationMessage
 from stcalib_ros.msg import Rejection as RejectionMessage
@@ -120,6 +122,7 @@ def calibration_result(
         joint_covariance=calibration.joint_covariance.ravel().tolist(),
         parameter_order=list(calibration.parameter_order),
         reasons=[_rejection(r) for r in calibration.reasons],
+        intrinsics=intrinsics_messages(calibration, stamp=stamp),
     )
 
 
@@ -164,6 +167,40 @@ def time_offset_messages(
         )
         for camera in calibration.cameras
     ]
+
+
+def intrinsics_messages(calibration: Calibration, *, stamp: Time) -> list[CameraIntrinsics]:
+    """Lenses of all calibrated cameras, given and estimated ones."""
+    return [
+        CameraIntrinsics(
+            camera=camera.name,
+            knowledge=camera.lens_knowledge.value,
+            camera_info=camera_info_message(
+                fields_of_lens(camera.intrinsics), Header(stamp=stamp, frame_id=camera.frame_id)
+            ),
+            **_lens_stddev(camera.lens_stddev),
+        )
+        for camera in calibration.cameras
+    ]
+
+
+def camera_info_message(fields: CameraInfoFields, header: Header) -> CameraInfo:
+    """Message of the numbers that determine a lens."""
+    numbers = fields._asdict()
+    region = dict(zip(("x_offset", "y_offset", "width", "height"), numbers.pop("roi"), strict=True))
+    return CameraInfo(header=header, roi=RegionOfInterest(**region), **numbers)
+
+
+def _lens_stddev(stddev: LensStddev | None) -> dict[str, Any]:
+    """Fields of standard deviations; NaN where nothing was estimated."""
+    if stddev is None:
+        return dict.fromkeys(("focal_stddev_px", "cx_stddev_px", "cy_stddev_px"), math.nan)
+    return {
+        "focal_stddev_px": stddev.focal_px or math.nan,
+        "cx_stddev_px": stddev.cx_px or math.nan,
+        "cy_stddev_px": stddev.cy_px or math.nan,
+        "radial_stddev": list(stddev.radial),
+    }
 
 
 def clock_corrections(message: CalibrationResult) -> dict[str, ClockCorrection]:

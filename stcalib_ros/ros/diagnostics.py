@@ -14,6 +14,7 @@ from stcalib_ros.core.model.rejection_text import sentence
 from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.camera_buffer import Counts
+from stcalib_ros.ros.driver_lenses import OFF, DriverState
 from stcalib_ros.ros.limits import PROBLEM_S, STARVED_S
 from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.worker import Step
@@ -68,7 +69,9 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
         )
     elif counts.fault is not None:
         lacking.append(f"sends on {camera.pose_topic}: {sentence(counts.fault)}")
-    if not counts.has_info:
+    if counts.no_lens is not None:
+        lacking.append(f"sends on {camera.info_topic}: {sentence(counts.no_lens)}")
+    elif not counts.has_info:
         publishers = publishers_of(node, camera.info_topic, camera.info_type)
         lacking.append(f"waits for CameraInfo: {publishers}")
     return "; ".join(lacking)
@@ -99,12 +102,18 @@ def publishers_of(node: Any, topic: str, wanted: str = "") -> str:
 
 
 def camera_status(
-    prefix: str, camera: SelectedCamera, counts: Counts, lack: str, verdict: Verdict | None
+    prefix: str,
+    camera: SelectedCamera,
+    counts: Counts,
+    lack: str,
+    verdict: Verdict | None,
+    driver: DriverState = OFF,
 ) -> Any:
     """Return the status of one camera.
 
     An error if it is starved, sends nothing usable, or the calibration does not hold for it any
-    more; a warning if messages were dropped in the last minute.
+    more; a warning if messages were dropped in the last minute, or its driver has not taken the
+    lens that was found.
     """
     level, message = DiagnosticStatus.OK, "receiving"
     if lack:
@@ -114,6 +123,8 @@ def camera_status(
         message = verdict.sentence()
     elif counts.dropped_age_s <= PROBLEM_S:
         level, message = DiagnosticStatus.WARN, f"dropped messages: {counts.last_problem}"
+    elif driver.failed:
+        level, message = DiagnosticStatus.WARN, driver.text
     values = {
         "rate_hz": f"{counts.rate_hz:.2f}",
         "age_s": f"{counts.age_s:.2f}",
@@ -127,6 +138,7 @@ def camera_status(
         "flushes": counts.flushes,
         "set_aside": counts.set_aside,
         "last_problem": counts.last_problem,
+        "set_camera_info": driver.text,
         **_watch_values(verdict),
     }
     return _status(f"{prefix}: camera {camera.name}", level, message, values)

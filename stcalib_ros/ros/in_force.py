@@ -17,6 +17,11 @@ from stcalib_ros.io.stamps import ClockCorrection, corrections_of
 from stcalib_ros.ros.limits import MAX_LINE, MIN_CAMERAS, SAVE_AGAIN_S
 from stcalib_ros.ros.publishers import Publishers
 
+_CAMERA_INFO = "camera_info"
+
+FORMATS = ("stcalib", _CAMERA_INFO)
+"""Formats that a calibration can be saved in; the first is the default."""
+
 
 class InForce:
     """Holds the calibration in force and its history.
@@ -130,16 +135,26 @@ class InForce:
         instead = "".join(f"; not used: {problem}" for problem in skipped)
         return f"calibration {earlier.number} is in force again{instead}"
 
-    def export(self, path: str) -> Path:
-        """Write the calibration in force to a file below the results folder.
+    def export(self, path: str, form: str) -> Path:
+        """Write the calibration in force below the results folder.
+
+        Parameters
+        ----------
+        path : str
+        form : str
+            One of `FORMATS`.
 
         Raises
         ------
         InputError
-            There is none yet, or the path cannot be written to.
+            There is none yet, the format is unknown, or the path cannot be written to.
         """
+        if form not in FORMATS:
+            raise InputError(f"format {form!r} is unknown; there is {', '.join(FORMATS)}")
         if self._kept is None:
             raise InputError("there is no calibration to save yet")
+        if form == _CAMERA_INFO:
+            return self._history.export_camera_info(self._kept.calibration, path)
         return self._history.export(self._kept.calibration, path)
 
     def _saved(self, calibration: Calibration) -> int:

@@ -141,6 +141,10 @@ SAVE_AGAIN_S = 10.0
 """Seconds. A calibration that could not be saved is saved again after so long: writing takes up to
 a second for 64 cameras. Chosen."""
 
+DRIVER_S = 5.0
+"""Seconds. A driver that has not answered ``set_camera_info`` by then is reported: it may have died
+meanwhile. camera_info_manager answers as soon as its file is written. Chosen; not measured."""
+
 LOOK_S = 0.5
 """Seconds. The relay looks this often for publishers of its topics and for their reliability."""
 

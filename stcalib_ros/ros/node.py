@@ -21,6 +21,7 @@ from rclpy.task import Future
 
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.monitoring.alarms import State, Verdict
 from stcalib_ros.core.monitoring.replacement import should_replace
 from stcalib_ros.io.history import History
@@ -36,6 +37,7 @@ from stcalib_ros.ros.diagnostics import (
     solver_status,
     starvation,
 )
+from stcalib_ros.ros.driver_lenses import OFF, DriverLenses
 from stcalib_ros.ros.in_force import InForce
 from stcalib_ros.ros.intake import Intake
 from stcalib_ros.ros.limits import (
@@ -80,6 +82,7 @@ class Calibrator:
         self._throttle = Throttle(self.log.warning)
         self._throttle.not_before("starved", STARVED_S)
         self.buffers = Buffers(self.settings.cameras, self.settings.limits, self._throttle)
+        self.buffers.set_default(LensKnowledge(self.settings.options.intrinsics))
         self.run: Run | None = None
         self._solver = SolverState()
         self._trigger, self._meter = Trigger(), Meter()
@@ -91,6 +94,7 @@ class Calibrator:
         self._lost = self._intake.lost()
         self._subscriptions = Subscriptions(node, self.settings, self._intake)
         self.services = Services(node, self)
+        self._drivers = DriverLenses(node, self.settings.set_camera_info)
         self.in_force = InForce(
             History(self.settings.results_folder, keep=self.settings.keep_results),
             [camera.name for camera in self.settings.cameras],
@@ -142,8 +146,10 @@ class Calibrator:
             start_s = self.watcher.changed_s
         clocks = self.in_force.clocks
         images = self.buffers.snapshot(names, start_s=start_s, end_s=end_s, clocks=clocks)
-        if len(images) < MIN_CAMERAS:
-            there = ", ".join(c.name for c in images) or "none"
+        counts = self.buffers.counts()
+        ready = [camera.name for camera in images if counts[camera.name].no_lens is None]
+        if len(ready) < MIN_CAMERAS:
+            there = ", ".join(ready) or "none"
             return failure(
                 Status.INSUFFICIENT_DATA,
                 "not started: at least two cameras with poses and CameraInfo are needed, there "
@@ -155,7 +161,7 @@ class Calibrator:
             return failure(Status.CANCELLED, "not started: the solver has not ended yet")
         self.run = run
         self.log.info(f"run {run.run_id} starts with {', '.join(c.name for c in images)}")
-        self._publish_diagnostics(self.buffers.counts())
+        self._publish_diagnostics(counts)
         return run
 
     def cancel(self) -> None:
@@ -172,17 +178,12 @@ class Calibrator:
         """
         done = self.in_force.rollback()
         self._begin()
+        self._hand_over()
         return done
 
-    def save(self, path: str) -> Path:
-        """Write the calibration in force to a file below the results folder.
-
-        Raises
-        ------
-        InputError
-            There is none yet, or the path cannot be written to.
-        """
-        return self.in_force.export(path)
+    def save(self, path: str, form: str) -> Path:
+        """Write the calibration in force below the results folder, see `InForce.export`."""
+        return self.in_force.export(path, form)
 
     def message(self, calibration: Calibration, run_id: str) -> CalibrationResult:
         """Message of a calibration, stamped with the end of its data; of a failure, with now."""
@@ -204,6 +205,12 @@ class Calibrator:
 
     def _begin_watch(self) -> None:
         self.watcher.begin(self.in_force.calibration if self.settings.watch else None)
+
+    def _hand_over(self) -> None:
+        """Offer the lenses of the calibration that has just come into force to their drivers."""
+        if self.in_force.calibration is not None:
+            found = self.message(self.in_force.calibration, self.in_force.run_id).intrinsics
+            self._drivers.offer(found, self.buffers.driver_images())
 
     def _progressed(self) -> None:
         """Pass on what is new of the worker."""
@@ -231,6 +238,7 @@ class Calibrator:
         if taken:
             problem = self.in_force.replace(calibration, job.run_id)
             self._begin()
+            self._hand_over()
             verdict = f"{calibration.message}; in force, since {reason}{problem}"
         self.log.info(f"run {job.run_id} has ended: {verdict}")
         self._solver = replace(
@@ -311,7 +319,7 @@ class Calibrator:
     def _publish_diagnostics(self, counts: Mapping[str, Counts]) -> dict[str, str]:
         """Publish the state of everything; return what each camera lacks."""
         prefix = self.node.get_fully_qualified_name().strip("/")
-        verdicts = self.watcher.verdicts
+        verdicts, drivers = self.watcher.verdicts, self._drivers.states()
         cameras = {camera.name: camera for camera in self.settings.cameras}
         lacks = {n: starvation(c, counts[n], self.node) for n, c in cameras.items()}
         lost = self._intake.lost()
@@ -324,7 +332,9 @@ class Calibrator:
                 ),
                 load_status(prefix, self._meter.load(), lost, newly_lost=newly_lost),
                 *(
-                    camera_status(prefix, c, counts[n], lacks[n], verdicts.get(n))
+                    camera_status(
+                        prefix, c, counts[n], lacks[n], verdicts.get(n), drivers.get(n, OFF)
+                    )
                     for n, c in cameras.items()
                 ),
             ]
@@ -348,6 +358,7 @@ class Calibrator:
         if self.settings.watch != before.watch:
             self._begin_watch()
         self.buffers.set_limits(self.settings.limits)
+        self.buffers.set_default(LensKnowledge(self.settings.options.intrinsics))
 
     def _settings_after(self, changes: Iterable[Any]) -> tuple[dict[str, Any], Settings]:
         values = self._values | {p.name: p.value for p in changes if p.name in self._values}

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.monitoring.alarms import Thresholds
-from stcalib_ros.core.options import Options, option_ranges, options_from_mapping
+from stcalib_ros.core.options import Options, options_from_mapping
+from stcalib_ros.io.lens_settings import LENS_KEYS, lens_settings, require_lens_groups
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.io.yaml_files import parse_yaml
 from stcalib_ros.ros.limits import (
@@ -21,143 +22,21 @@ from stcalib_ros.ros.limits import (
     MAX_TEXT,
     MIN_CAMERAS,
 )
+from stcalib_ros.ros.parameter_specs import CAMERAS, OPTION_SPECS, Spec, all_specs
 from stcalib_ros.ros.streams import Limits
 
 _NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
-class Spec:
-    """One parameter; `low` and `high` are its range, `fixed` ones hold from the start."""
-
-    name: str
-    default: Any
-    text: str
-    low: float | None = None
-    high: float | None = None
-    fixed: bool = False
-
-
-CAMERAS = Spec(
-    "cameras",
-    ["cam0", "cam1"],
-    "Names of the cameras; the first is the reference unless another is named.",
-    fixed=True,
-)
-
-TF_SPECS = (
-    Spec("publish_tf", True, "Publish the cameras on /tf_static.", fixed=True),
-    Spec("tf_not_metric", False, "Also if lengths are not metres.", fixed=True),
-    Spec(
-        "tf_suffix",
-        "",
-        "Added to child frames on /tf_static, for optical frames that have a parent already.",
-        fixed=True,
-    ),
-)
-
-NODE_SPECS = (
-    Spec("window_s", 30.0, "Time span of images kept per camera, seconds.", 2.0, 600.0),
-    Spec("max_images", 6000, "Number of images kept per camera, whatever the span.", 100, 100_000),
-    Spec("max_mb", 100.0, "Memory for the images of each camera, megabytes.", 1.0, 10_000.0),
-    Spec("max_persons", 50, "Largest number of persons in an image.", 1, 1000),
-    Spec("max_joints", 150, "Largest number of joints of a person.", 3, 1000),
-    Spec("queue_depth", 50, "Messages that wait for the node, per topic.", 1, 1000, fixed=True),
-    Spec("auto_calibrate", True, "Calibrate as soon as enough motion has been observed."),
-    Spec(
-        "min_motion_s",
-        10.0,
-        "Seconds of motion that each camera must share with another one.",
-        1.0,
-        600.0,
-    ),
-    Spec(
-        "period_s",
-        0.0,
-        "Period of further calibrations, seconds of stamps; 0: none.",
-        0.0,
-        86_400.0,
-    ),
-    Spec("watch", True, "Keep checking observations against the calibration in force."),
-    Spec(
-        "watch_rotation_deg",
-        1.0,
-        "Smallest rotation of a camera that is reported, degrees.",
-        0.1,
-        45.0,
-    ),
-    Spec(
-        "watch_clock_ms",
-        50.0,
-        "Smallest jump of a clock that is reported, milliseconds.",
-        1.0,
-        5000.0,
-    ),
-    Spec("auto_recalibrate", False, "Calibrate again when the calibration does not hold any more."),
-    Spec(
-        "results_folder",
-        "",
-        "Where calibrations are kept; empty: in ROS_HOME, by the node's name.",
-        fixed=True,
-    ),
-    Spec("keep_results", 50, "Number of calibrations kept on disk.", 2, 1000, fixed=True),
-    *TF_SPECS,
-)
-
-_OPTIONS = (
-    Spec("reference", "", "Camera that gives the reference frame and clock; empty: the first."),
-    Spec("offset_range_s", 2.0, "Clocks are searched within +- this; 0: they agree."),
-    Spec("min_score", 0.3, "Joints with a lower score are not used."),
-    Spec("min_common_frames", 12, "Number of images that two cameras must share in time."),
-    Spec(
-        "world_frame",
-        "",
-        "Frame with z up and the floor at 0 for the poses; empty: that of the reference camera.",
-    ),
-    Spec("estimate_line_time", False, "Estimate the line delays of rolling shutters."),
-    Spec("scale.poses_sigma", 0.1, "Relative standard deviation of the size of metric 3D poses."),
-    Spec("scale.body_height_m", 0.0, "Mean height of the people; 0: not known."),
-    Spec("scale.body_height_sigma_m", 0.09, "Standard deviation of one person's height, metres."),
-    Spec(
-        "scale.distances",
-        "",
-        "Known distances, a list in YAML's short form as in calibrate.yaml; empty: none.",
-    ),
-    Spec("seed", 0, "Seed of the random numbers: same seed, same result."),
-    Spec("registration.method", "correlation", "Or vmf: the paper's own method."),
-    Spec("registration.min_overlap", 12, "Number of samples that two tracks must share."),
-    Spec("registration.n_candidates", 16, "Number of candidates (track pair and lag) that grow."),
-    Spec("registration.n_hypotheses", 12, "Number of hypotheses kept per pair of cameras."),
-    Spec("registration.n_refined", 6, "Number of candidates that are refined."),
-    Spec("vmf.window", 15, "Length of a window in frames, T."),
-    Spec("vmf.n_windows", 20, "Largest number of windows."),
-    Spec("vmf.n_hypothesised", 2, "Number of persons that RANSAC assumes visible; 0: no RANSAC."),
-    Spec("vmf.initial", "random", "Initial rotations: random or candidates."),
-    Spec("vmf.n_starts", 10, "Number of random initial rotations."),
-    Spec(
-        "vmf.search_offsets",
-        True,
-        "Search offsets in pairs; else estimate them in the adjustment only.",
-    ),
-    Spec("vmf.no_match_rad", 0.5, "Largest mean bone angle of a match, rad."),
-    Spec("vmf.turn_poses", False, "Rotate poses onto their keypoints first."),
-    Spec("integration.n_trees", 300, "Number of random spanning trees."),
-    Spec("bundle.rounds", 5, "Number of rounds of association and adjustment."),
-    Spec("bundle.max_iterations", 12, "Largest number of Levenberg-Marquardt steps per round."),
-    Spec("bundle.outlier_factor", 3.0, "Outliers are beyond this multiple of the median error."),
-    Spec("bundle.outlier_floor_px", 12.0, "But never within this, px."),
-)
-
-_RANGES = option_ranges()
-OPTION_SPECS = tuple(
-    replace(spec, **_RANGES[spec.name]._asdict()) if spec.name in _RANGES else spec
-    for spec in _OPTIONS
-)
-
-
-@dataclass(frozen=True, slots=True)
 class Settings:
-    """What the parameters say; attributes as in `NODE_SPECS`."""
+    """What the parameters say; attributes as in `NODE_SPECS`.
+
+    Attributes
+    ----------
+    set_camera_info : mapping of str to str
+        Service of the driver by camera; empty: it is not called.
+    """
 
     cameras: tuple[SelectedCamera, ...]
     limits: Limits
@@ -174,47 +53,7 @@ class Settings:
     publish_tf: bool
     tf_not_metric: bool
     tf_suffix: str
-
-
-def camera_specs(name: str) -> tuple[Spec, ...]:
-    """Parameters of one camera.
-
-    Examples
-    --------
-    >>> [spec.default for spec in camera_specs("cam0")]
-    ['/cam0/person_poses', '/cam0/camera_info', '', 0.0]
-    """
-    return (
-        Spec(
-            f"camera.{name}.pose_topic", f"/{name}/person_poses", "Topic of its poses.", fixed=True
-        ),
-        Spec(
-            f"camera.{name}.info_topic",
-            f"/{name}/camera_info",
-            "Topic of its CameraInfo.",
-            fixed=True,
-        ),
-        Spec(
-            f"camera.{name}.frame",
-            "",
-            "Its optical frame; empty: the frame_id of the poses.",
-            fixed=True,
-        ),
-        Spec(
-            f"camera.{name}.line_time_s",
-            0.0,
-            "Line delay of a rolling shutter, seconds per row; 0: global shutter.",
-            0.0,
-            1e-3,
-            fixed=True,
-        ),
-    )
-
-
-def all_specs(cameras: Iterable[str]) -> tuple[Spec, ...]:
-    """All parameters but `CAMERAS`."""
-    own = [spec for name in cameras for spec in camera_specs(name)]
-    return (*own, *NODE_SPECS, *OPTION_SPECS)
+    set_camera_info: Mapping[str, str]
 
 
 def require_camera_names(names: Iterable[str], *, at_least: int = MIN_CAMERAS) -> tuple[str, ...]:
@@ -274,11 +113,12 @@ def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
     own = ("queue_depth", "auto_calibrate", "min_motion_s", "period_s", "keep_results")
     tf = ("publish_tf", "tf_not_metric", "tf_suffix")
     return Settings(
-        cameras=tuple(_camera(name, values) for name in names),
+        cameras=_cameras(names, values),
         limits=limits,
         options=options,
         thresholds=Thresholds(values["watch_rotation_deg"], 1e-3 * values["watch_clock_ms"]),
         results_folder=_folder(values["results_folder"], node_name),
+        set_camera_info={name: values[f"camera.{name}.set_camera_info"] for name in names},
         **{name: values[name] for name in (*own, *watch, *tf)},
     )
 
@@ -295,9 +135,21 @@ def _options(values: Mapping[str, Any]) -> Options:
     return options_from_mapping(nested | {"reference": nested["reference"] or None})
 
 
+def _cameras(names: Iterable[str], values: Mapping[str, Any]) -> tuple[SelectedCamera, ...]:
+    cameras = tuple(_camera(name, values) for name in names)
+    require_lens_groups({camera.name: camera.lens for camera in cameras})
+    return cameras
+
+
 def _camera(name: str, values: Mapping[str, Any]) -> SelectedCamera:
-    pose_topic, info_topic, frame, line_s = (values[spec.name] for spec in camera_specs(name))
-    return SelectedCamera(name, pose_topic, info_topic, frame or None, line_s)
+    path = f"camera.{name}"
+    keys = ("pose_topic", "info_topic", "frame", "line_time_s")
+    pose_topic, info_topic, frame, line_s = (values[f"{path}.{key}"] for key in keys)
+    said = {key: values[f"{path}.{key}"] or None for key in LENS_KEYS}
+    size = list(values[f"{path}.image_size"])
+    said["image_size"] = size if any(size) else None
+    lens = lens_settings(said, path)
+    return SelectedCamera(name, pose_topic, info_topic, frame or None, line_s, lens)
 
 
 def _folder(given: str, node_name: str) -> Path:

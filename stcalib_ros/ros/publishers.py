@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import CameraInfo
 from visualization_msgs.msg import MarkerArray
 
 from stcalib_ros.core.model.calibration import Calibration
-from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, TimeOffset
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
+from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, CameraIntrinsics, TimeOffset
 from stcalib_ros.ros.convert import extrinsics_messages
 from stcalib_ros.ros.markers import camera_markers
 
@@ -53,12 +56,20 @@ def transforms(calibration: Calibration, *, stamp: Time, suffix: str) -> list[Tr
     return out
 
 
+class NamedCamera(Protocol):
+    """A camera that something is published of."""
+
+    @property
+    def name(self) -> str:
+        """Its name in the configuration."""
+
+
 class PublisherSettings(Protocol):
     """What of the parameters says how to publish."""
 
     @property
-    def cameras(self) -> Sequence[object]:
-        """One entry of each camera."""
+    def cameras(self) -> Sequence[NamedCamera]:
+        """All cameras."""
 
     @property
     def publish_tf(self) -> bool:
@@ -89,6 +100,8 @@ class Publishers:
         self._extrinsics = node.create_publisher(CameraExtrinsics, "~/extrinsics", per_camera)
         self._offsets = node.create_publisher(TimeOffset, "~/time_offsets", per_camera)
         self._markers = node.create_publisher(MarkerArray, "~/markers", latched())
+        self._lenses = {c.name: self._lens_publisher(node, c.name) for c in settings.cameras}
+        self._lenses_published: set[str] = set()
         self._tf = self._tf_publisher(node) if settings.publish_tf else None
 
     def publish(self, calibration: Calibration, result: CalibrationResult) -> None:
@@ -98,8 +111,26 @@ class Publishers:
             self._extrinsics.publish(extrinsics)
         for offset in result.time_offsets:
             self._offsets.publish(offset)
+        self._publish_lenses(result.intrinsics)
         self._markers.publish(camera_markers(calibration, stamp=result.header.stamp))
         self._publish_tf(calibration, result.header.stamp)
+
+    def _publish_lenses(self, lenses: Iterable[CameraIntrinsics]) -> None:
+        """Publish those that were estimated, and what follows them: a driver has the others."""
+        for lens in lenses:
+            publisher = self._lenses.get(lens.camera)
+            estimated = lens.knowledge != LensKnowledge.GIVEN.value
+            if publisher is not None and (estimated or lens.camera in self._lenses_published):
+                self._lenses_published.add(lens.camera)
+                publisher.publish(lens.camera_info)
+
+    def _lens_publisher(self, node: Any, camera: str) -> Any:
+        """Return a publisher; None for a camera of a bag whose name can be in no topic."""
+        try:
+            return node.create_publisher(CameraInfo, f"~/{camera}/camera_info", latched())
+        except InvalidTopicNameException:
+            self._log.warning(f"camera {camera}: its name can be in no topic; no CameraInfo of it")
+            return None
 
     def _publish_tf(self, calibration: Calibration, stamp: Time) -> None:
         if self._tf is None:

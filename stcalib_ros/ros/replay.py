@@ -159,7 +159,8 @@ class _PublisherSettings:
 def _publish(node: Any, recording: Recording, calibration: Calibration, *, run_id: str) -> None:
     """Publish a result, stamped with the end of its data, as the live node does."""
     from stcalib_ros.ros.convert import calibration_result, time_message
-    from stcalib_ros.ros.parameters import TF_SPECS, declared
+    from stcalib_ros.ros.parameter_specs import TF_SPECS
+    from stcalib_ros.ros.parameters import declared
     from stcalib_ros.ros.publishers import Publishers
 
     tf = {spec.name: declared(node, spec) for spec in TF_SPECS}

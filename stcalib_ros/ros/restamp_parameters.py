@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.ros.parameters import CAMERAS, Spec, declared, require_camera_names
+from stcalib_ros.ros.parameter_specs import CAMERAS, Spec
+from stcalib_ros.ros.parameters import declared, require_camera_names
 
 _RELIABILITIES = {
     "input_reliability": ("auto", "best_effort", "reliable"),

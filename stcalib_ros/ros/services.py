@@ -16,14 +16,12 @@ from std_srvs.srv import Trigger
 from stcalib_ros.action import Calibrate
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.ros.in_force import FORMATS
 from stcalib_ros.ros.limits import MAX_LINE
 from stcalib_ros.ros.worker import Step, failure
 from stcalib_ros.srv import Recalibrate, SaveCalibration
 
 Feedback = Callable[[Step], None]
-
-FORMATS = ("stcalib",)
-"""Formats that a calibration can be saved in; the first is the default."""
 
 
 @dataclass(slots=True, eq=False)
@@ -63,8 +61,8 @@ class ServedCalibrator(Protocol):
     def rollback(self) -> str:
         """Put the calibration before the one in force into force; return what was done."""
 
-    def save(self, path: str) -> Path:
-        """Write the calibration in force to a file below the results folder."""
+    def save(self, path: str, form: str) -> Path:
+        """Write the calibration in force below the results folder, in one of `FORMATS`."""
 
     def message(self, calibration: Calibration, run_id: str) -> Any:
         """Return the ``CalibrationResult`` of a calibration."""
@@ -127,16 +125,12 @@ class Services:
 
     def _save(self, request: Any, response: Any) -> Any:
         try:
-            response.message = self._saved(request.path, request.format)
+            saved = self._calibrator.save(request.path, request.format or FORMATS[0])
+            response.message = f"written to {saved}"
             response.success = True
         except InputError as error:
             response.message = one_line(str(error), MAX_LINE)
         return response
-
-    def _saved(self, path: str, form: str) -> str:
-        if form not in ("", *FORMATS):
-            raise InputError(f"format {form!r} is unknown; there is {', '.join(FORMATS)}")
-        return f"written to {self._calibrator.save(path)}"
 
     def _rollback(self, _request: Any, response: Any) -> Any:
         try:

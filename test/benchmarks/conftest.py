@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from benchmarks.accuracy import cramer_rao, measure
+from benchmarks.accuracy import cramer_rao, lenses, measure
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.synthetic import Scene, simulate
 
@@ -21,7 +21,7 @@ def play(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Calibration], C
             truths.append(scene.truth)
             return scene
 
-        for benchmark in (cramer_rao, measure):
+        for benchmark in (cramer_rao, lenses, measure):
             monkeypatch.setattr(benchmark, "simulate", simulated)
         monkeypatch.setattr(measure, "calibrate", lambda *_: answer(truths[-1]))
 

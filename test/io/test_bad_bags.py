@@ -257,9 +257,9 @@ CASES: dict[str, tuple[Maker, str]] = {
         _infos(bags.info(), bags.info(width=320)),
         r"/cam0/camera_info: CameraInfo changes in the middle: width is 640 at .* and 320 at ",
     ),
-    "uncalibrated lens": (
-        _infos(bags.info(k=[0.0] * 9)),
-        r"/cam0/camera_info: .*not calibrated",
+    "absurd lens": (
+        _infos(bags.info(k=[-1.0, *bags.info()["k"][1:]])),
+        r"/cam0/camera_info: .*K is not a pinhole matrix",
     ),
     "no images": (_no_images, r"a\.mcap holds no person poses: no message on /cam0/person_poses"),
     "no definition": (

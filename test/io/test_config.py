@@ -38,7 +38,7 @@ def test_empty_file_is_the_default(tmp_path: Path) -> None:
         ("cameras: a", r"cameras: expected a list of names, got 'a'"),
         ("cameras: [a, b, a]", "two cameras with one name: a"),
         ("camera: [a]", "camera: expected a mapping"),
-        ("camera: {a: /x}", r"camera\.a: expected pose_topic, .*, line_time_s, got '/x'"),
+        ("camera: {a: /x}", r"camera\.a: expected pose_topic, .*, line_time_s, .*, got '/x'"),
         ("camera: {a: {topic: /x}}", r"unknown option camera\.a\.topic"),
         ("camera: {a: {frame: 3}}", r"camera\.a\.frame: expected text, got 3"),
         ("camera: {a: {line_time_s: fast}}", r"camera\.a\.line_time_s: expected seconds per image"),

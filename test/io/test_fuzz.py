@@ -32,7 +32,8 @@ from stcalib_ros.io.datasets.opencv_storage import OpencvStorage
 from stcalib_ros.io.results import read_result, result_text, write_result
 from stcalib_ros.io.rigs import read_rig
 from stcalib_ros.io.stamps import corrections_of
-from stcalib_ros.ros.parameters import CAMERAS, all_specs, settings_from
+from stcalib_ros.ros.parameter_specs import CAMERAS, all_specs
+from stcalib_ros.ros.parameters import settings_from
 
 ROOT = Path(__file__).parents[2]
 Folder = Path

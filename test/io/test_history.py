@@ -14,6 +14,7 @@ import pytest
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.io.camera_info_yaml import read_camera_info_yaml
 from stcalib_ros.io.history import History, Kept
 from stcalib_ros.io.limits import MAX_FILES
 from stcalib_ros.io.results import write_result
@@ -212,6 +213,7 @@ def test_one_process_holds_the_folder(history):
     assert history.claim()
     code = f"""
 from pathlib import Path
+from stcalib_ros.io.camera_info_yaml import read_camera_info_yaml
 from stcalib_ros.io.history import History
 print(History(Path({str(history.folder)!r}), keep=3).claim())
 """
@@ -269,6 +271,7 @@ def test_killed_at_any_time_what_is_there_is_whole(history):
     code = f"""
 import os, random, signal, time
 from pathlib import Path
+from stcalib_ros.io.camera_info_yaml import read_camera_info_yaml
 from stcalib_ros.io.history import History
 
 history = History(Path({str(history.folder)!r}), keep=3)
@@ -366,9 +369,50 @@ def test_export_does_not_fill_the_disk(history):
     history.add(calibration(10))
     for n in range(MAX_FILES - 1):
         (history.folder / f"{n}.yaml").touch()
-    with pytest.raises(InputError, match="files already"):
+    with pytest.raises(InputError, match="no more than 1000 files"):
         history.export(calibration(10), "one_more.yaml")
     assert history.export(calibration(10), "1.yaml").stat().st_size > 0
+
+
+def test_lenses_are_written_below_the_folder(history):
+    history.add(calibration(10))
+    for _ in range(2):
+        folder = history.export_camera_info(calibration(10), "lenses")
+    assert folder == history.folder / "lenses"
+    assert sorted(p.name for p in folder.iterdir()) == ["cam0.yaml", "cam1.yaml"]
+    name, lens = read_camera_info_yaml(folder / "cam1.yaml")
+    assert (name, lens.width) == ("cam1", LENS.width)
+    np.testing.assert_array_equal(lens.K, LENS.K)
+    latest, skipped = history.latest(anything)
+    assert latest is not None
+    assert skipped == ()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["", ".", "..", "/tmp/x", "../x", "a/b", "out", "out/x", "x.yaml", "file", "circle", "a\nb"],
+)
+def test_lenses_are_written_nowhere_else(history, tmp_path, name):
+    history.add(calibration(10))
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (history.folder / "out").symlink_to(outside)
+    (history.folder / "file").touch()
+    (history.folder / "circle").symlink_to("circle")
+    before = sorted(p for p in tmp_path.rglob("*"))
+    with pytest.raises(InputError):
+        history.export_camera_info(calibration(20), name)
+    assert sorted(p for p in tmp_path.rglob("*")) == before
+
+
+def test_lenses_do_not_fill_the_disk(history):
+    folder = history.export_camera_info(calibration(10), "lenses")
+    for n in range(MAX_FILES - 4):
+        (folder / f"{n}.yaml").touch()
+    assert history.export_camera_info(calibration(10), "lenses") == folder
+    (folder / "one_more.yaml").touch()
+    with pytest.raises(InputError, match="no more than 1000 files"):
+        history.export_camera_info(calibration(10), "lenses")
 
 
 def test_what_cannot_be_written_is_said(tmp_path):

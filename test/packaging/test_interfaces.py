@@ -39,7 +39,11 @@ PROMISED = {
         PairResidual[] pairs; float64 reprojection_rms_px; uint32 n_observations; uint32 n_inliers
         builtin_interfaces/Time window_start; builtin_interfaces/Time window_end
         float64 scale_stddev; float64[] joint_covariance; string[] parameter_order
-        Rejection[] reasons""",
+        Rejection[] reasons; CameraIntrinsics[] intrinsics""",
+    "msg/CameraIntrinsics.msg": """
+        string camera; string knowledge; sensor_msgs/CameraInfo camera_info
+        float64 focal_stddev_px; float64 cx_stddev_px; float64 cy_stddev_px
+        float64[] radial_stddev""",
     "msg/Rejection.msg": """
         string code; string[] cameras; float64 measured; float64 limit; string unit
         string message""",

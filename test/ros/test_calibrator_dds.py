@@ -32,8 +32,8 @@ from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result
-from stcalib_ros.ros.parameters import CAMERAS as CAMERAS_SPEC
-from stcalib_ros.ros.parameters import all_specs
+from stcalib_ros.ros.parameter_specs import CAMERAS as CAMERAS_SPEC
+from stcalib_ros.ros.parameter_specs import all_specs
 
 CAMERAS = ["cam0", "cam1", "cam2", "cam3"]
 PARAMETERS = {"cameras": f"[{', '.join(CAMERAS)}]", "queue_depth": "1000"}

@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 from stcalib_ros.msg import CalibrationResult, PersonPose3D, PersonPose3DArray
 
-from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
-from stcalib_ros.core.model.recording import LensModel
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.io.messages import camera_info_fields, lens, pose_image
 from stcalib_ros.ros.convert import (
     calibration_result,
@@ -108,6 +108,35 @@ def test_reasons_have_codes_numbers_and_sentences():
     assert (left_out.code, left_out.message) == ("UNSPECIFIED", "shares nobody with the others")
 
 
+def test_lenses_are_those_given_or_estimated():
+    record = calibration()
+    K = np.array([[812.5, 0.0, 318.0], [0.0, 812.5, 242.0], [0.0, 0.0, 1.0]])
+    found = Intrinsics(640, 480, LensModel.PLUMB_BOB, K, np.array([-0.125]))
+    stddev = LensStddev(2.5, 0.0, 1.5, (0.004,))
+    estimated = replace(
+        record.cameras[0],
+        intrinsics=found,
+        lens_knowledge=LensKnowledge.UNKNOWN,
+        lens_stddev=stddev,
+    )
+    record = replace(record, cameras=(estimated, *record.cameras[1:]))
+    message = through_cdr(calibration_result(record, run_id="", stamp=STAMP))
+    first, second, _ = message.intrinsics
+    assert [one.camera for one in message.intrinsics] == ["cam0", "cam1", "cam2"]
+    assert (first.knowledge, second.knowledge) == ("unknown", "given")
+    assert (first.focal_stddev_px, first.cy_stddev_px) == (2.5, 1.5)
+    assert math.isnan(first.cx_stddev_px), "it was not estimated"
+    assert list(first.radial_stddev) == [0.004]
+    assert math.isnan(second.focal_stddev_px)
+    info = first.camera_info
+    assert (info.header.frame_id, info.header.stamp) == ("cam0_optical_frame", STAMP)
+    assert list(info.d) == [-0.125, 0.0, 0.0, 0.0, 0.0], "as many as drivers expect"
+    np.testing.assert_array_equal(np.reshape(info.p, (3, 4)), np.hstack([K, np.zeros((3, 1))]))
+    again = lens(camera_info_fields(info), rectified=False, topic="/cam0/camera_info")
+    np.testing.assert_array_equal(again.K, K)
+    assert (again.width, again.height, again.model) == (640, 480, LensModel.PLUMB_BOB)
+
+
 @pytest.mark.parametrize("status", Status)
 def test_a_failure_has_its_status_and_no_made_up_numbers(status):
     failed = replace(
@@ -164,10 +193,10 @@ def test_a_camera_info_gives_the_lens_of_its_numbers(model, rectified):
     np.testing.assert_array_equal(given.R_rect_cam, expected.R_rect_cam)
 
 
-def test_an_uncalibrated_camera_is_named():
-    info = camera_info_fields(CameraInfo(width=LENS.width, height=LENS.height))
-    with pytest.raises(InputError, match=r"/cam7/camera_info: .*K\[0\] is 0"):
-        lens(info, rectified=False, topic="/cam7/camera_info")
+def test_of_a_camera_that_is_not_calibrated_the_size_is_known():
+    info = camera_info_fields(through_cdr(CameraInfo(width=LENS.width, height=LENS.height)))
+    given = lens(info, rectified=False, topic="/cam7/camera_info")
+    assert (given.known, given.width, given.height) == (False, LENS.width, LENS.height)
 
 
 def test_poses_become_the_same_arrays():

@@ -168,13 +168,26 @@ def test_a_folder_that_cannot_be_listed_ends_nothing(tmp_path, monkeypatch):
         assert node.in_force.calibration is None
         assert "Permission denied" in node.log.lines[-1]
         assert "Permission denied" in node.in_force.replace(calibration(20), "run-1")
-        for ask in (node.in_force.rollback, lambda: node.in_force.export("a.yaml")):
+        for ask in (node.in_force.rollback, lambda: node.in_force.export("a.yaml", "stcalib")):
             with pytest.raises(InputError, match="Permission denied"):
                 ask()
         assert node.in_force.calibration.n_inliers == 20
     node.now_s += SAVE_AGAIN_S
     node.in_force.save_again()
     assert node.in_force.problem == ""
+
+
+def test_it_is_saved_in_the_formats_that_there_are(tmp_path):
+    node = Node(tmp_path)
+    with pytest.raises(InputError, match="no calibration to save"):
+        node.in_force.export("a.yaml", "stcalib")
+    saved(tmp_path, calibration(10))
+    node = Node(tmp_path)
+    assert node.in_force.export("a.yaml", "stcalib").is_file()
+    folder = node.in_force.export("lenses", "camera_info")
+    assert sorted(p.name for p in folder.iterdir()) == ["cam0.yaml", "cam1.yaml"]
+    with pytest.raises(InputError, match="'kalibr' is unknown; there is stcalib, camera_info"):
+        node.in_force.export("a.yaml", "kalibr")
 
 
 def test_a_second_node_with_the_same_folder_is_warned_of_once(tmp_path, monkeypatch):

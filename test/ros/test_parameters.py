@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from array import array
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,11 @@ import yaml
 from plain import CAMERA
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.options import Options
-from stcalib_ros.ros.parameters import CAMERAS, all_specs, settings_from
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
+from stcalib_ros.core.options import LensOptions, Options
+from stcalib_ros.io.lens_settings import LensSettings
+from stcalib_ros.ros.parameter_specs import CAMERAS, all_specs
+from stcalib_ros.ros.parameters import settings_from
 from stcalib_ros.ros.streams import Limits
 
 ROOT = Path(__file__).parents[2]
@@ -72,11 +76,43 @@ def test_every_option_has_a_parameter():
         ({"cameras": ["cam0", "a b"]}, "'a b' is not a name"),
         ({"cameras": [f"c{i}" for i in range(65)]}, "65 given"),
         ({"reference": "cam7"}, "'cam7' is none of the cameras"),
+        ({"intrinsics": "guess"}, "intrinsics must be one of given, refine, unknown"),
+        (
+            {"camera.cam1.intrinsics": "guess"},
+            "cam1.intrinsics: expected given, refine or unknown",
+        ),
+        ({"camera.cam0.field_of_view_deg": 3.0}, "5 to 180 degrees, got 3.0"),
+        ({"camera.cam0.lens_group": "gopro"}, "cam0 is alone in the group 'gopro'"),
+        ({"camera.cam0.image_size": [640]}, r"expected \[width, height\]"),
+        ({"camera.cam0.image_size": [640, -1]}, r"expected \[width, height\]"),
+        (
+            {"camera.cam0.intrinsics": "unknown", "camera.cam0.field_of_view_deg": 90.0},
+            "a start for intrinsics: refine, not for unknown",
+        ),
     ],
 )
 def test_unusable_parameters_say_why(changes, why):
     with pytest.raises(InputError, match=why):
         settings_from(defaults() | changes, node_name="/calibrator")
+
+
+def test_a_camera_has_what_is_said_of_its_lens():
+    changes = {
+        "intrinsics": "refine",
+        "lens.shared": True,
+        "camera.cam0.intrinsics": "unknown",
+        "camera.cam0.image_size": array("q", [1280, 720]),
+        "camera.cam1.field_of_view_deg": 90.0,
+        "camera.cam0.lens_group": "gopro",
+        "camera.cam1.lens_group": "gopro",
+        "camera.cam1.set_camera_info": "/cam1/set_camera_info",
+    }
+    settings = settings_from(defaults() | changes, node_name="/calibrator")
+    assert settings.options == Options(intrinsics="refine", lens=LensOptions(shared=True))
+    first, second = (camera.lens for camera in settings.cameras)
+    assert first == LensSettings(LensKnowledge.UNKNOWN, "gopro", None, (1280, 720))
+    assert second == LensSettings(None, "gopro", 90.0, None)
+    assert settings.set_camera_info == {"cam0": "", "cam1": "/cam1/set_camera_info"}
 
 
 NINEFOLD = "".join(f", &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 9))

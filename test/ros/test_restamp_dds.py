@@ -27,7 +27,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.messages import NS
 from stcalib_ros.io.results import write_result
 from stcalib_ros.ros.convert import clock_corrections, time_message
-from stcalib_ros.ros.parameters import CAMERAS
+from stcalib_ros.ros.parameter_specs import CAMERAS
 from stcalib_ros.ros.restamp import message_class_with_header
 from stcalib_ros.ros.restamp_parameters import (
     RELAY_SPECS,

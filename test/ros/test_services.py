@@ -24,7 +24,8 @@ from stcalib_ros.msg import CalibrationResult
 from stcalib_ros import cli
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.ros.convert import calibration_result, time_message
-from stcalib_ros.ros.services import FORMATS, Run, Services
+from stcalib_ros.ros.in_force import FORMATS
+from stcalib_ros.ros.services import Run, Services
 from stcalib_ros.ros.worker import failure
 
 
@@ -52,7 +53,7 @@ class OneRun:
     def rollback(self) -> str:
         raise NotImplementedError
 
-    def save(self, path: str) -> Path:
+    def save(self, path: str, form: str) -> Path:
         raise NotImplementedError
 
     def message(self, calibration: Calibration, run_id: str) -> CalibrationResult:

@@ -203,15 +203,24 @@ class Information:
         layout : ParameterLayout
             With the columns of the system; other unknowns may be estimated.
         """
+        variance = self.variance(layout)
+        known, _ = layout.prior(self.cameras)
+        P = layout.inverse(self.system.H / variance + np.diag(known), self.cameras)
+        if self.noise is None:
+            return P
+        return P + self._due_to_noise(layout.held(), variance)
+
+    def variance(self, layout: ParameterLayout) -> float:
+        """Variance of independent keypoints that would know as little as these, px^2.
+
+        By unknowns of which nothing was known before.
+        """
+        layout = layout.without_lenses()
         inverse = layout.inverse(self.system.H, self.cameras)
         inverse[np.isinf(inverse)] = 0.0
         U = self.scores
         found = float(np.einsum("an,ab,bn", U, inverse, U, optimize=True))
-        variance = found / (len(layout.free()) - 1) * self.curvature_lost**2
-        P = layout.inverse(self.system.H / variance, self.cameras)
-        if self.noise is None:
-            return P
-        return P + self._due_to_noise(layout.held(), variance)
+        return found / (layout.n_free() - 1) * self.curvature_lost**2
 
     def _due_to_noise(self, layout: ParameterLayout, variance: float) -> Float64Array:
         """Additional covariance of poses and offsets as noise is part of the system.
@@ -259,7 +268,7 @@ def information(
         How velocities were read.
     """
     layout = layout or state.layout
-    cluster = clusters(obs, state.triangulated(), n_unknowns=len(layout.free()))
+    cluster = clusters(obs, state.triangulated(), n_unknowns=layout.n_free())
     system, U = cluster_scores(obs, state, cluster, layout)
     errors = errors_px(obs, state)
     scale = CAUCHY * max(robust_scale(errors, state.inlier), MIN_SCALE_PX)

@@ -32,6 +32,7 @@ from stcalib_ros.core.bundle.residuals import errors_px, median_error
 from stcalib_ros.core.bundle.state import BundleState, estimate_motion, initial_state
 from stcalib_ros.core.integration.association import SLOT_SAMPLES, Association, associate
 from stcalib_ros.core.integration.exclusions import Disconnected
+from stcalib_ros.core.lifting.relens import at_rig
 from stcalib_ros.core.model.arrays import IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.rig import Rig
@@ -42,6 +43,7 @@ def initial_adjustment(
     cameras: Sequence[LiftedCamera], rig: Rig, options: BundleOptions, *, step_s: float
 ) -> Iteration | Disconnected:
     """Associate at the rig of the multi-view integration and adjust on a part of the joints."""
+    cameras = at_rig(cameras, rig)
     every = _every_slot(cameras, rig, step_s)
     association = associate(cameras, rig, step_s=step_s, floor_px=FIRST_FLOOR_PX, every=every)
     return _round(
@@ -62,6 +64,7 @@ def istba_iteration(
 ) -> Iteration | Disconnected:
     """Associate again, adjust without the outliers; on a part of everything until the last."""
     rig = before.rig
+    cameras = at_rig(cameras, rig)
     every = 1 if last else _every_slot(cameras, rig, step_s)
     association = associate(cameras, rig, step_s=step_s, floor_px=FLOOR_PX, every=every)
     tolerance = FINAL_TOLERANCE if last else TOLERANCE

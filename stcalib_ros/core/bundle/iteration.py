@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.lens_unknowns import corrections
 from stcalib_ros.core.bundle.limits import (
     OTHER_DISTANCE,
     OTHER_POSITION,
@@ -15,6 +16,7 @@ from stcalib_ros.core.bundle.limits import (
 from stcalib_ros.core.bundle.observations import Observations
 from stcalib_ros.core.bundle.residuals import errors_px, median_error
 from stcalib_ros.core.bundle.state import BundleState
+from stcalib_ros.core.geometry.lens import change_lens
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.integration.association import Association
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
@@ -178,13 +180,38 @@ class Iteration:
         return float(np.abs(mine.offset_s - its.offset_s).max())
 
 
+def absorbed(last: Iteration) -> Iteration:
+    """Return a round with its keypoints undistorted by the lenses that it found."""
+    obs, state = last.observations, last.state
+    if state.lenses is None:
+        return last
+    lenses = state.lenses.absorbing(corrections(state.cameras))
+    x, focal = obs.x.copy(), obs.focal.copy()
+    pairs = zip(state.lenses.intrinsics, lenses.intrinsics, strict=True)
+    for c, (before, after) in enumerate(pairs):
+        x[:, c], focal[:, c] = change_lens(obs.x[:, c].astype(np.float64), before, after)
+    seen = obs.observed & np.isfinite(x).all(-1)
+    x = np.where(seen[..., None], x, 0.0).astype(obs.x.dtype)
+    focal = np.where(seen, focal, 1.0).astype(obs.focal.dtype)
+    kept = {one: value for one, value in state.further.items() if one.row is None}
+    return replace(
+        last,
+        observations=replace(obs, x=x, focal=focal, observed=seen, lenses=lenses),
+        state=replace(state, further=kept, lenses=lenses).with_inliers(state.inlier & seen),
+    )
+
+
 def _rig_of(state: BundleState, rig: Rig) -> Rig:
     R_ref_cam = np.swapaxes(state.R_cam_ref, -1, -2)
+    lenses = state.lenses
+    if lenses is not None:
+        lenses = lenses.absorbing(corrections(state.cameras))
     return replace(
         rig,
         R_ref_cam=R_ref_cam,
         t_ref_cam=0.0 - np.einsum("cij,cj->ci", R_ref_cam, state.t_cam_ref),
         offset_s=rig.offset_s + state.shift_s,
+        lenses=() if lenses is None else lenses.intrinsics,
     )
 
 

@@ -21,7 +21,7 @@ from stcalib_ros.core.bundle.normal_equations import (
     ReducedSystem,
 )
 from stcalib_ros.core.bundle.observations import Observations, blocks_of
-from stcalib_ros.core.bundle.parameters import ParameterLayout
+from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
 from stcalib_ros.core.bundle.residuals import noise_px
 from stcalib_ros.core.bundle.state import BundleState, estimate_motion
 from stcalib_ros.core.geometry.robust import CAUCHY
@@ -194,7 +194,7 @@ class SolverStep:
     def settled(self) -> SolverStep:
         """The same after another step of the points alone."""
         problem = self.problem
-        X, cost = problem.state.X.copy(), 0.0
+        X, cost = problem.state.X.copy(), problem.prior_cost(problem.cameras)
         flat_X = X.reshape(-1, 3)
         for block, at in problem.linearised():
             flat_X[block.points] = at.settled(problem.scale)
@@ -243,7 +243,22 @@ class PointProblem:
             cost += at.cost(self.scale)
             eliminated.append(points)
         H[range(n), range(n)] += damping * diagonal
+        information, deviation = self.prior(self.cameras)
+        H[range(n), range(n)] += information
+        g += information * deviation
+        cost += self.prior_cost(self.cameras)
         return ReducedProblem(cost, ReducedSystem(H, g), eliminated)
+
+    def prior(self, cameras: Cameras) -> tuple[Float64Array, Float64Array]:
+        """What was known of the lenses: weights (n,) in px^2, and deviations from it."""
+        information, deviation = self.layout.prior(cameras)
+        correlated = 1.0 if cameras.lenses is None else cameras.lenses.correlated
+        return correlated * (self.scale / CAUCHY) ** 2 * information, deviation
+
+    def prior_cost(self, cameras: Cameras) -> float:
+        """Its part of the robust cost."""
+        information, deviation = self.prior(cameras)
+        return float(information @ deviation**2) / self.scale**2
 
     def apply_step(self, by: ReducedProblem) -> SolverStep:
         """The problem after the step of a system; the pose of the reference and the scale stay."""
@@ -252,7 +267,7 @@ class PointProblem:
         flat = d_camera.ravel()
         length = np.sqrt(max(float(flat @ system.H @ flat), 0.0)) * CAUCHY / self.scale
         cameras = self.layout.retract(self.cameras, d_camera)
-        X, cost = self.state.X.copy(), 0.0
+        X, cost = self.state.X.copy(), self.prior_cost(cameras)
         flat_X = X.reshape(-1, 3)
         for (block, at), points in zip(self.linearised(), by.eliminated, strict=True):
             moved = at.back_substitute(points, self.scale, d_camera)

@@ -23,8 +23,8 @@ from stcalib_ros.core.bundle.parameters import (
     Cameras,
     CameraUnknown,
     ParameterLayout,
-    PointTimes,
 )
+from stcalib_ros.core.bundle.point_views import PointTimes
 from stcalib_ros.core.bundle.residuals import Projection
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
@@ -102,6 +102,7 @@ class Linearisation(Projection):
         self, block: Block, cameras: Cameras, X: Float64Array, layout: ParameterLayout
     ) -> None:
         self.block, self.X, self.layout = block, X, layout
+        self._displacements: dict[CameraUnknown, Float64Array] = {}
         R = cameras.R
         when = (block.phi + cameras.delay(block.times))[:, None]
         half = when * (0.5 * R @ block.A)
@@ -223,7 +224,9 @@ class Linearisation(Projection):
 
     def _displacement(self, unknown: CameraUnknown) -> Float64Array:
         """Displacements (C, 3, P) by an unknown beyond pose and time offset, per unit."""
-        return np.asarray(unknown.derivative(self.view)[:, 0])
+        if unknown not in self._displacements:
+            self._displacements[unknown] = np.asarray(unknown.derivative(self.view)[:, 0])
+        return self._displacements[unknown]
 
     def _pull(self, m: Float64Array, moved: Float64Array) -> Float64Array:
         """``M`` times displacements (C, 3, P) in the axes of the cameras."""

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stcalib_ros.core.bundle.lenses import Lenses, estimated_lenses
 from stcalib_ros.core.bundle.limits import FURTHEST_BINS
-from stcalib_ros.core.bundle.parameters import PointTimes
+from stcalib_ros.core.bundle.point_views import PointTimes
 from stcalib_ros.core.integration.association import Association
 from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera
@@ -47,6 +48,8 @@ class Observations:
         Line times of the shutters, seconds per row.
     middle_s : float
         Time at which clocks with a skew have the offsets of the rig.
+    lenses : Lenses or None
+        By which the points were undistorted; None where all are given.
     """
 
     person: IntArray
@@ -61,6 +64,7 @@ class Observations:
     row: Float32Array | None = None
     line_s: Float64Array | None = None
     middle_s: float = 0.0
+    lenses: Lenses | None = None
 
     def rows_of(self, person: IntArray, time_bin: IntArray) -> IntArray:
         """Row of each person (...) at each time bin (...); -1 where there is none."""
@@ -145,6 +149,7 @@ def observe(
         *(association.start_s, step_s, row),
         np.array([m.shutter.line_time_s for m in members]) if rolling else None,
         association.start_s + middle,
+        estimated_lenses(members),
     )
 
 

@@ -14,44 +14,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from stcalib_ros.core.bundle.gauge import camera_centres, spread, spread_gradient
-from stcalib_ros.core.bundle.scaled_system import ScaledSystem
+from stcalib_ros.core.bundle.lenses import Lenses
+from stcalib_ros.core.bundle.point_views import PointTimes, PointView
+from stcalib_ros.core.bundle.scaled_system import ScaledSystem, propagate
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PointTimes:
-    """What the time of a keypoint depends on; both broadcast to (..., C, P).
-
-    Attributes
-    ----------
-    since_s : ndarray
-        Time after the middle of the recording, s.
-    row : ndarray
-        Row of the keypoint in its image, px, from the row that the time of the image is of.
-    """
-
-    since_s: Float64Array
-    row: Float32Array | Float64Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PointView:
-    """Points as cameras see them.
-
-    Attributes
-    ----------
-    y, velocity : (..., 3, P) ndarray
-        Points and their velocities, turned into the axes of the cameras.
-    Z : (..., 3, P) ndarray
-        Points in the frames of the cameras.
-    times : PointTimes
-    """
-
-    y: Float64Array
-    velocity: Float64Array
-    Z: Float64Array
-    times: PointTimes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +38,10 @@ class CameraUnknown:
         Known where the clocks are synchronised.
     relative : bool
         Measured against the reference camera, whose own is fixed.
+    of_lens : bool
+        The same in cameras that have one lens.
+    row : int, optional
+        Of a correction of a lens: its row in `Lenses`.
     delay : callable, optional
         Of an unknown that delays the keypoints: their delay per unit of it.
     displacements : callable, optional
@@ -85,6 +56,8 @@ class CameraUnknown:
     size: int = 1
     of_clock: bool = False
     relative: bool = True
+    of_lens: bool = False
+    row: int | None = None
     delay: Callable[[PointTimes], Float32Array | Float64Array] | None = None
     displacements: Callable[[PointView], Float64Array] | None = None
 
@@ -118,12 +91,15 @@ class Cameras:
         Corrections of the time offsets, s.
     further : mapping of CameraUnknown to (C,) ndarray
         Values of further unknowns; 0 where missing.
+    lenses : Lenses or None
+        None where all are given.
     """
 
     R: Float64Array
     t: Float64Array
     shift: Float64Array
     further: Mapping[CameraUnknown, Float64Array] = field(default_factory=dict)
+    lenses: Lenses | None = None
 
     def value(self, unknown: CameraUnknown) -> Float64Array:
         """Values (C,) of a further unknown."""
@@ -141,7 +117,8 @@ class Cameras:
         """One camera."""
         own = slice(c, c + 1)
         further = {unknown: value[own] for unknown, value in self.further.items()}
-        return Cameras(self.R[own], self.t[own], self.shift[own], further)
+        lens = None if self.lenses is None else self.lenses.only(c)
+        return Cameras(self.R[own], self.t[own], self.shift[own], further, lens)
 
     def delay(self, times: PointTimes) -> Float64Array:
         """Delay of keypoints against the times of the observations, s: (C, 1) or (..., C, P)."""
@@ -155,7 +132,7 @@ class Cameras:
         """Points (..., C, 3, P) in the frames of the cameras, moved by further unknowns."""
         Z = view.Z
         for unknown, value in self.further.items():
-            if unknown.displacements is not None:
+            if unknown.displacements is not None and value.any():
                 Z = Z + value[:, None, None] * unknown.derivative(view)[..., 0, :, :]
         return Z
 
@@ -214,12 +191,15 @@ class ParameterLayout:
         Beside pose and time offset.
     estimated : tuple of (C,) ndarray of bool
         Cameras of which each further unknown is estimated; of the others it keeps its value.
+    group : (C,) ndarray of int, optional
+        Cameras with one number have one lens. Default: all have their own.
     """
 
     n_cameras: int
     synchronised: bool = False
     further: tuple[CameraUnknown, ...] = ()
     estimated: tuple[BoolArray, ...] = ()
+    group: IntArray | None = None
 
     @property
     def unknowns(self) -> tuple[CameraUnknown, ...]:
@@ -296,6 +276,13 @@ class ParameterLayout:
         none = np.zeros(self.n_cameras, dtype=bool)
         return replace(self, estimated=(none,) * len(self.further))
 
+    def without_lenses(self) -> ParameterLayout:
+        """The same columns, no correction of a lens estimated."""
+        none = np.zeros(self.n_cameras, dtype=bool)
+        pairs = zip(self.further, self.estimated, strict=True)
+        masks = tuple(mask if one.row is None else none for one, mask in pairs)
+        return replace(self, estimated=masks)
+
     def common(self, other: ParameterLayout) -> tuple[IntArray, IntArray]:
         """Columns of the unknowns that both layouts have, in this one and in the other."""
         both = [one for one in self.unknowns if one in other.unknowns]
@@ -313,17 +300,33 @@ class ParameterLayout:
         out[self.columns(TRANSLATION)] = by_translation
         return np.asarray(out / np.linalg.norm(out))
 
-    def _in_gauge(self, H: Float64Array, cameras: Cameras) -> tuple[ScaledSystem, IntArray]:
+    def n_free(self) -> int:
+        """Number of unknowns that are estimated, those of a shared lens counted once."""
+        return int(self._steps().shape[1])
+
+    def _steps(self) -> Float64Array:
+        """Steps (size, n) that the columns can take: each its own, or with those of one lens."""
         free = self.free()
-        scale = self.scale_direction(cameras)[free]
-        return ScaledSystem.of(H[np.ix_(free, free)], scale), free
+        number = np.arange(self.size)
+        for unknown in self.further if self.group is not None else ():
+            if unknown.of_lens:
+                columns = self.scalars(unknown)
+                number[columns] = columns[self.group]
+        _, step = np.unique(number[free], return_inverse=True)
+        steps = np.zeros((self.size, int(step.max(initial=-1)) + 1))
+        steps[free, step] = 1.0
+        return steps
+
+    def _in_gauge(self, H: Float64Array, cameras: Cameras) -> tuple[ScaledSystem, Float64Array]:
+        steps = self._steps()
+        scale = self.scale_direction(cameras) @ steps
+        return ScaledSystem.of(steps.T @ H @ steps, scale), steps
 
     def solve(self, H: Float64Array, g: Float64Array, cameras: Cameras) -> Float64Array:
         """Solution (C, block) of ``H x = g`` in the gauge; 0 where nothing is estimated."""
-        system, free = self._in_gauge(H, cameras)
-        out = np.zeros(self.size)
-        out[free] = system.solve(g[free])
-        return out.reshape(self.n_cameras, self.block)
+        system, steps = self._in_gauge(H, cameras)
+        out = steps @ system.solve(g @ steps)
+        return np.asarray(out.reshape(self.n_cameras, self.block))
 
     def inverse(self, H: Float64Array, cameras: Cameras) -> Float64Array:
         """Covariance (size, size) of normal equations H in the gauge.
@@ -331,10 +334,21 @@ class ParameterLayout:
         Rows of what is not estimated are zero. What is not observable has an infinite variance, and
         no covariance with anything.
         """
-        system, free = self._in_gauge(H, cameras)
-        out = np.zeros_like(H)
-        out[np.ix_(free, free)] = system.inverse()
-        return out
+        system, steps = self._in_gauge(H, cameras)
+        return propagate(steps, system.inverse())
+
+    def prior(self, cameras: Cameras) -> tuple[Float64Array, Float64Array]:
+        """What was known of the lenses: inverse variances (size,), and the unknowns' deviations."""
+        information, deviation = np.zeros((2, self.size))
+        lenses = cameras.lenses
+        if lenses is not None:
+            known = lenses.information()
+            for unknown in self.further:
+                if unknown.row is not None:
+                    own = self.scalars(unknown)
+                    information[own] = known[unknown.row]
+                    deviation[own] = cameras.value(unknown) - lenses.mean[unknown.row]
+        return information, deviation
 
     def retract(self, cameras: Cameras, step: Float64Array) -> Cameras:
         """Cameras after a step (C, block)."""

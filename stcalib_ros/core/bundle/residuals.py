@@ -8,7 +8,8 @@ import numpy as np
 
 from stcalib_ros.core.bundle.limits import NEAREST
 from stcalib_ros.core.bundle.observations import Observations, blocks_of
-from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout, PointTimes, PointView
+from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
+from stcalib_ros.core.bundle.point_views import PointTimes, PointView
 from stcalib_ros.core.bundle.state import BundleState, triangulated
 from stcalib_ros.core.geometry.robust import LEAST_SHARE, MIN_SCALE_PX, RAYLEIGH_MEDIAN
 from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
@@ -47,7 +48,11 @@ class Projection:
     ) -> None:
         self.cameras, self.Y, self.RV, self.times, self.focal = cameras, y, velocity, times, focal
         Z = y + cameras.t[:, :, None]
-        self.Z = Z if not cameras.further else cameras.displaced(PointView(y, velocity, Z, times))
+        self.Z = (
+            Z
+            if not cameras.further
+            else cameras.displaced(PointView(y, velocity, Z, times, cameras.lenses))
+        )
         depth = self.Z[..., 2, :]
         self.ahead = depth > NEAREST
         self.inverse_depth = 1.0 / np.where(self.ahead, depth, 1.0)
@@ -58,7 +63,7 @@ class Projection:
     @cached_property
     def view(self) -> PointView:
         """What the derivatives depend on."""
-        return PointView(self.Y, self.RV, self.Z, self.times)
+        return PointView(self.Y, self.RV, self.Z, self.times, self.cameras.lenses)
 
     def squared_px(self, scale: float) -> Float64Array:
         """Squared residuals (..., C, P); of points behind their camera as of far outliers."""
@@ -126,7 +131,8 @@ def camera_points(
     if not any(unknown.displacements for unknown in state.further):
         return Z
     y, Z = y.swapaxes(-1, -2), Z.swapaxes(-1, -2)
-    moved = state.cameras.displaced(PointView(y, np.zeros_like(y), Z, obs.point_times(rows)))
+    view = PointView(y, np.zeros_like(y), Z, obs.point_times(rows), state.lenses)
+    moved = state.cameras.displaced(view)
     return np.asarray(moved.swapaxes(-1, -2))
 
 

@@ -8,6 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from stcalib_ros.core.bundle.lens_unknowns import layout_of
+from stcalib_ros.core.bundle.lenses import Lenses
 from stcalib_ros.core.bundle.observations import Observations, blocks_of
 from stcalib_ros.core.bundle.parameters import Cameras, CameraUnknown, ParameterLayout
 from stcalib_ros.core.geometry.local_polynomial import local_motion, smooth_motion
@@ -44,6 +46,8 @@ class BundleState:
         The clocks are known to agree: `shift_s` is zero and no unknown.
     further : mapping of CameraUnknown to (C,) ndarray
         Values of further unknowns of the cameras; 0 where missing.
+    lenses : Lenses or None
+        By which the keypoints were undistorted; None where all are given.
     """
 
     R_cam_ref: Float64Array
@@ -55,16 +59,17 @@ class BundleState:
     inlier: BoolArray
     synchronised: bool = False
     further: Mapping[CameraUnknown, Float64Array] = field(default_factory=dict)
+    lenses: Lenses | None = None
 
     @property
     def cameras(self) -> Cameras:
         """The cameras alone."""
-        return Cameras(self.R_cam_ref, self.t_cam_ref, self.shift_s, self.further)
+        return Cameras(self.R_cam_ref, self.t_cam_ref, self.shift_s, self.further, self.lenses)
 
     @property
     def layout(self) -> ParameterLayout:
-        """Layout of poses and time offsets alone."""
-        return ParameterLayout(len(self.t_cam_ref), self.synchronised)
+        """Layout of poses, time offsets, and lenses that are not given."""
+        return layout_of(len(self.t_cam_ref), self.lenses, synchronised=self.synchronised)
 
     def triangulated(self) -> BoolArray:
         """Points (N, J) that two cameras or more determine."""
@@ -113,7 +118,9 @@ def initial_state(obs: Observations, rig: Rig) -> BundleState:
         X, good = _triangulated(obs, rig, V, A)
         V, A = estimate_motion(obs, X, good)
     shift_s, used = np.zeros(len(R_cam_ref)), obs.observed & good[:, None, :]
-    return BundleState(R_cam_ref, t_cam_ref, shift_s, X, V, A, used, rig.synchronised)
+    return BundleState(
+        *(R_cam_ref, t_cam_ref, shift_s, X, V, A, used, rig.synchronised), lenses=obs.lenses
+    )
 
 
 def _triangulated(

@@ -35,8 +35,8 @@ from stcalib_ros.core.bundle.parameters import (
     TRANSLATION,
     Cameras,
     ParameterLayout,
-    PointTimes,
 )
+from stcalib_ros.core.bundle.point_views import PointTimes
 from stcalib_ros.core.bundle.residuals import Projection, camera_points
 from stcalib_ros.core.bundle.state import BundleState
 from stcalib_ros.core.geometry.bsplines import banded, basis, smoothness, summed, summed_squares

@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.evaluation.lens_errors import LensError, lens_error
 from stcalib_ros.core.geometry.alignment import umeyama
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.geometry.triangulation import triangulate, unit_rays
@@ -80,6 +81,12 @@ class Evaluation:
     precision, recall : float
         Fraction of these that are right, and fraction of the true pairs among them; NaN without
         any.
+    lenses : tuple of LensError
+        Of the same cameras as `cameras`; with given lenses, how far these are from the true ones.
+    E_f : float
+        Mean relative error of the focal lengths that were estimated; NaN without any.
+    E_k1 : float
+        Mean error of the k1 that were estimated; NaN without any, or if a lens has another model.
     """
 
     reference: str
@@ -96,6 +103,9 @@ class Evaluation:
     n_matches: int
     precision: float
     recall: float
+    lenses: tuple[LensError, ...] = ()
+    E_f: float = float("nan")
+    E_k1: float = float("nan")
 
 
 def evaluate(estimate: Calibration, truth: Calibration, *, fps: float | None = None) -> Evaluation:
@@ -124,13 +134,7 @@ def evaluate(estimate: Calibration, truth: Calibration, *, fps: float | None = N
     >>> bool(evaluation.E_R < 0.02), bool(evaluation.E_delta < 0.5)  # rad, frames
     (True, True)
     """
-    known = {camera.name for camera in estimate.cameras}
-    names = [camera.name for camera in truth.cameras if camera.name in known]
-    if len(names) < 2:
-        raise InputError(
-            f"estimate and truth must have two cameras in common, got {names or 'none'}: the "
-            f"estimate has {sorted(known)}, the truth {[c.name for c in truth.cameras]}"
-        )
+    names = _common_cameras(estimate, truth)
     reference = truth.reference if truth.reference in names else names[0]
     middle_s = 0.5 * sum(truth.window_s)
     ours = _expressed(estimate, names, reference, middle_s)
@@ -143,11 +147,12 @@ def evaluate(estimate: Calibration, truth: Calibration, *, fps: float | None = N
     frames = np.full(len(names), np.nan) if fps is None else offset * fps
     others = np.array(names) != reference
     n_matches, precision, recall = match_quality(estimate.persons, truth.persons, names)
+    lenses = _lens_errors(estimate, truth, names)
     rows = zip(names, angle, away, centre, offset, frames, strict=True)
     return Evaluation(
         reference=reference,
         cameras=tuple(CameraError(name, *map(float, values)) for name, *values in rows),
-        missing=tuple(c.name for c in truth.cameras if c.name not in known),
+        missing=tuple(c.name for c in truth.cameras if c.name not in names),
         E_R=float(angle[others].mean()),
         E_t=float(np.sqrt(np.mean(away[others] ** 2))),
         E_delta=float(np.abs(frames[others]).mean()),
@@ -159,7 +164,33 @@ def evaluate(estimate: Calibration, truth: Calibration, *, fps: float | None = N
         n_matches=n_matches,
         precision=precision,
         recall=recall,
+        lenses=lenses,
+        E_f=_mean_size([lens.focal for lens in lenses if lens.estimated]),
+        E_k1=_mean_size([lens.radial[0] for lens in lenses if lens.estimated]),
     )
+
+
+def _common_cameras(estimate: Calibration, truth: Calibration) -> list[str]:
+    """Return the names of the cameras that both have, in the order of the truth."""
+    known = {camera.name for camera in estimate.cameras}
+    names = [camera.name for camera in truth.cameras if camera.name in known]
+    if len(names) < 2:
+        raise InputError(
+            f"estimate and truth must have two cameras in common, got {names or 'none'}: the "
+            f"estimate has {sorted(known)}, the truth {[c.name for c in truth.cameras]}"
+        )
+    return names
+
+
+def _mean_size(errors: Sequence[float]) -> float:
+    return float(np.mean(np.abs(errors))) if errors else float("nan")
+
+
+def _lens_errors(
+    estimate: Calibration, truth: Calibration, names: Sequence[str]
+) -> tuple[LensError, ...]:
+    found = {camera.name: camera for camera in estimate.cameras}
+    return tuple(lens_error(found[true.name], true) for true in truth.cameras if true.name in names)
 
 
 def match_quality(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from stcalib_ros.core.geometry.radial import LEAST_SLOPE, is_radial, radial_profile
 from stcalib_ros.core.model.arrays import Float64Array, FloatArray
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 
@@ -18,6 +19,8 @@ _MAX_RESIDUAL_PX = 0.01
 Numerical."""
 _NEWTON_STEPS = 3
 """Newton steps on the lens model, from OpenCV's own inverse. Numerical: two are enough."""
+_RADIAL_STEPS = 12
+"""Newton steps on radial distortion, from none. Numerical: four for a usual lens."""
 
 
 def project(points_cam: Float64Array, intrinsics: Intrinsics) -> Float64Array:
@@ -68,12 +71,14 @@ def bearings(pixels: FloatArray, intrinsics: Intrinsics) -> tuple[Float64Array, 
 
 
 def _invert_lens(pixels: Float64Array, intrinsics: Intrinsics) -> tuple[Float64Array, Float64Array]:
-    """Newton's method on the lens model, from OpenCV's own inverse; closed form without a lens."""
+    """Newton's method on the lens model; closed form without a lens, by the radius if radial."""
     if _is_pinhole(intrinsics):
         K = intrinsics.K
         rays = np.concatenate([pixels, np.ones((len(pixels), 1))], -1) @ np.linalg.inv(K).T
         focal = np.sqrt(abs(K[0, 0] * K[1, 1]))
         return rays[:, :2] / rays[:, 2:], np.full(len(pixels), focal)
+    if is_radial(intrinsics):
+        return _invert_radial(pixels, intrinsics)
     x = _first_inverse(pixels, intrinsics)
     for _ in range(_NEWTON_STEPS):
         image, J = _lens_jacobian(x, intrinsics)
@@ -86,6 +91,42 @@ def _invert_lens(pixels: Float64Array, intrinsics: Intrinsics) -> tuple[Float64A
         )
     x[~good] = np.nan
     return x, np.sqrt(np.abs(np.linalg.det(J)))
+
+
+def _invert_radial(
+    pixels: Float64Array, intrinsics: Intrinsics
+) -> tuple[Float64Array, Float64Array]:
+    profile, f = radial_profile([intrinsics]), np.diag(intrinsics.K)[:2]
+    image = (pixels - intrinsics.K[:2, 2]) / f
+    d = np.linalg.norm(image, axis=-1)
+    at = profile.at(profile.inverse(d[None], steps=_RADIAL_STEPS))
+    gain, slope = at.gain[0], at.slope[0]
+    x = image / gain[:, None]
+    missed = np.abs(at.gain[0] * at.r[0] - d) * f.max()
+    good = (missed < _MAX_RESIDUAL_PX) & (slope > LEAST_SLOPE) & (np.abs(x).max(-1) < _MAX_TANGENT)
+    x[~good] = np.nan
+    return x, np.sqrt(np.abs(f.prod() * gain * slope))
+
+
+def change_lens(
+    x: Float64Array, before: Intrinsics, after: Intrinsics
+) -> tuple[Float64Array, Float64Array]:
+    """Undistort image points by another lens.
+
+    Parameters
+    ----------
+    x : (..., 2) ndarray
+        Points on the plane z = 1, undistorted by `before`; NaN where not observed.
+    before, after : Intrinsics
+
+    Returns
+    -------
+    x : (..., 2) ndarray
+    focal : (...) ndarray
+        As by `bearings`.
+    """
+    rays = np.concatenate([x, np.ones((*x.shape[:-1], 1))], -1)
+    return bearings(project(rays, before), after)
 
 
 def _is_pinhole(intrinsics: Intrinsics) -> bool:

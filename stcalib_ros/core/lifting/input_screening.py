@@ -33,7 +33,8 @@ from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
 from stcalib_ros.core.model.rejection_text import labelled
 from stcalib_ros.core.options import Options
 
-_ABSURD_LENSES = (
+_UNUSABLE_LENSES = (
+    RejectionReason.LENS_UNKNOWN,
     RejectionReason.FOCAL_LENGTH_ABSURD,
     RejectionReason.PRINCIPAL_POINT_OFF_CENTRE,
 )
@@ -81,17 +82,19 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     Raises
     ------
     InputError
-        No camera has a CameraInfo that can be: whoever makes it makes it wrong.
+        No camera has a CameraInfo that can be: whoever makes it makes it wrong; or lenses are to
+        be shared, or estimated, that cannot.
     """
-    timed = mended_time_base(with_assumed_lenses(recording, options), options)
+    assumed = with_assumed_lenses(recording, options)
+    timed = mended_time_base(assumed.recording, options)
     read = [_read(camera, options.min_score) for camera in timed.recording.cameras]
     given = replace(timed.recording, cameras=tuple(one.camera for one in read))
     faults = {one.camera.name: one.fault for one in read if one.fault is not None}
-    faults |= intrinsics_faults(given, min_score=options.min_score)
+    faults |= intrinsics_faults(given, min_score=options.min_score) | dict(assumed.faults)
     _require_lenses(given, faults)
     faults |= keypoint_faults(given, min_score=options.min_score)
     faults |= timed.faults
-    remarks = sum((one.remarks for one in read), timed.remarks)
+    remarks = sum((one.remarks for one in read), assumed.remarks + timed.remarks)
     remarks += keypoint_remarks(given, min_score=options.min_score)
     usable = without_people(given, faults)
     # The paper's method cannot do without 3D poses.
@@ -101,9 +104,12 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
 
 
 def _require_lenses(recording: Recording, faults: Mapping[str, Rejection]) -> None:
-    absurd = [why for why in faults.values() if why.reason in _ABSURD_LENSES]
-    if absurd and len(absurd) == len(recording.cameras):
-        raise InputError("; ".join(map(labelled, absurd)))
+    unusable = [why for why in faults.values() if why.reason in _UNUSABLE_LENSES]
+    unknown = [why.cameras[0] for why in unusable if why.reason is RejectionReason.LENS_UNKNOWN]
+    if unusable and len(unusable) == len(recording.cameras):
+        rest = [why for why in unusable if why.reason is not RejectionReason.LENS_UNKNOWN]
+        together = Rejection(RejectionReason.LENS_UNKNOWN, tuple(unknown), detail="unknown")
+        raise InputError("; ".join(map(labelled, [together, *rest] if unknown else rest)))
 
 
 def readable_input(recording: Recording, *, min_score: float) -> Recording:

@@ -61,7 +61,7 @@ def focal_length_fault(lens: Intrinsics) -> Fault | None:
     ----------
     lens : Intrinsics
     """
-    focal, size = np.diag(lens.K)[:2], _sensor(lens)[2:]
+    focal, size = np.diag(lens.K)[:2], sensor_rectangle(lens)[2:]
     if lens.model is LensModel.EQUIDISTANT:
         view, most = np.degrees(size / focal), FISHEYE_DEG
     else:
@@ -87,7 +87,7 @@ def principal_point_fault(lens: Intrinsics) -> Fault | None:
     ----------
     lens : Intrinsics
     """
-    left, top, width, height = _sensor(lens)
+    left, top, width, height = sensor_rectangle(lens)
     size = np.array([width, height])
     point = lens.K[:2, 2] + 0.5 - [left, top]
     share = point / size
@@ -130,6 +130,6 @@ def placement_fault(lens: Intrinsics, poses: FloatArray) -> Fault | None:
     return None
 
 
-def _sensor(lens: Intrinsics) -> Float64Array:
+def sensor_rectangle(lens: Intrinsics) -> Float64Array:
     """Return left, top, width and height of the sensor in pixels of the image."""
     return np.array(lens.sensor or (0.0, 0.0, lens.width, lens.height), dtype=np.float64)

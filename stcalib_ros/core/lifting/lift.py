@@ -107,7 +107,7 @@ def _lift_camera(
         root_cam = _roots(joints_cam, x, skeleton)
         if usable.any():
             x_used, focal_used, joints_used, root_used = (
-                _as_precise(value[usable], track.keypoints)
+                as_precise(value[usable], track.keypoints)
                 for value in (x, focal, joints_cam, root_cam)
             )
             relative = None if shutter is None else rows[usable] - shutter.middle_row
@@ -125,6 +125,7 @@ def _lifted(
         intrinsics=camera.intrinsics,
         lens_knowledge=camera.lens_knowledge or LensKnowledge.GIVEN,
         lens_group=camera.lens_group,
+        lens_prior=camera.lens_prior,
     )
 
 
@@ -158,7 +159,7 @@ def _roots(joints_cam: FloatArray, x: Float64Array, skeleton: Skeleton) -> Float
     return np.asarray(root)
 
 
-def _as_precise(values: Float64Array, given: FloatArray) -> FloatArray:
+def as_precise(values: Float64Array, given: FloatArray) -> FloatArray:
     """Return values in the precision of what they were computed from."""
     return values.astype(np.float32) if given.dtype == np.float32 else values
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from stcalib_ros.core.lifting.lift import lift_recording
+from stcalib_ros.core.lifting.relens import with_lens
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Intrinsics, Recording
 from stcalib_ros.core.model.skeleton import Skeleton, common_skeleton
@@ -49,20 +50,18 @@ def lift_views(recording: Recording, options: Options) -> LiftedViews:
     return LiftedViews(skeleton, lifted, recording)
 
 
-def with_lenses(
-    views: LiftedViews, lenses: Mapping[int, Intrinsics], options: Options
-) -> LiftedViews:
-    """Lift some cameras again, by other lenses.
+def with_lenses(views: LiftedViews, lenses: Mapping[int, Intrinsics]) -> LiftedViews:
+    """Return all cameras, some of them with other lenses.
 
     Parameters
     ----------
     views : LiftedViews
     lenses : mapping of int to Intrinsics
-        By the index of the camera; the others stay as they are.
-    options : Options
+        By the index of the camera.
     """
-    cameras = list(views.recording.cameras)
+    cameras, lifted = list(views.recording.cameras), list(views.lifted)
     for c, lens in lenses.items():
         cameras[c] = replace(cameras[c], intrinsics=lens)
+        lifted[c] = with_lens(lifted[c], lens)
     recording = replace(views.recording, cameras=tuple(cameras))
-    return lift_views(recording, options)
+    return replace(views, lifted=tuple(lifted), recording=recording)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.core.model.recording import Intrinsics, LensModel, unknown_intrinsics
 
 _COEFFICIENTS = {
     LensModel.PLUMB_BOB: (0, 4, 5),
@@ -52,7 +53,8 @@ def intrinsics_from_camera_info(
     width, height : int
         Size of the full sensor, px.
     distortion_model : str
-        ``plumb_bob``, ``rational_polynomial`` or ``equidistant``; may be empty if `d` is all zero.
+        ``plumb_bob``, ``rational_polynomial`` or ``equidistant``; may be empty if `d` is all zero,
+        and anything where the lens is not known.
     d : sequence of float
         Distortion coefficients in OpenCV's order.
     k : sequence of 9 floats
@@ -72,17 +74,23 @@ def intrinsics_from_camera_info(
     Returns
     -------
     Intrinsics
-        For the image's own pixels.
+        For the image's own pixels; of a camera that is not calibrated, as the first number of the
+        matrix says by 0, they are not known but for the size of the image.
 
     Raises
     ------
     InputError
-        The camera is not calibrated, the lens model is unknown, or numbers are missing or absurd.
+        The lens model is unknown, or numbers are missing or absurd.
     """
     matrix = _numbers("P", p, (3, 4))[:, :3] if rectified else _numbers("K", k, (3, 3))
-    _check_pinhole("P" if rectified else "K", matrix)
     x_offset, y_offset, roi_width, roi_height = _region(roi, width, height)
     bin_x, bin_y = max(binning_x, 1), max(binning_y, 1)
+    size = roi_width // bin_x, roi_height // bin_y
+    sensor = (-x_offset / bin_x, -y_offset / bin_y, width / bin_x, height / bin_y)
+    R_rect_cam = _rotation(r) if rectified and (matrix.any() or np.any(r)) else np.eye(3)
+    if matrix[0, 0] == 0:
+        return replace(unknown_intrinsics(*size), R_rect_cam=R_rect_cam, sensor=sensor)
+    _check_pinhole("P" if rectified else "K", matrix)
     image_from_sensor = np.array(
         [[1 / bin_x, 0, -x_offset / bin_x], [0, 1 / bin_y, -y_offset / bin_y], [0, 0, 1]]
     )
@@ -90,13 +98,12 @@ def intrinsics_from_camera_info(
         (LensModel.PLUMB_BOB, np.zeros(0)) if rectified else _lens(distortion_model, d)
     )
     return Intrinsics(
-        width=roi_width // bin_x,
-        height=roi_height // bin_y,
+        *size,
         model=model,
         K=image_from_sensor @ matrix,
         D=coefficients,
-        R_rect_cam=_rotation(r) if rectified else np.eye(3),
-        sensor=(-x_offset / bin_x, -y_offset / bin_y, width / bin_x, height / bin_y),
+        R_rect_cam=R_rect_cam,
+        sensor=sensor,
     )
 
 
@@ -112,8 +119,6 @@ def _numbers(
 
 
 def _check_pinhole(name: str, matrix: Float64Array) -> None:
-    if matrix[0, 0] == 0:
-        raise InputError(f"CameraInfo.{name}[0] is 0: the camera is not calibrated; {_CALIBRATE}")
     if matrix[0, 0] < 0 or matrix[1, 1] <= 0 or not np.array_equal(matrix[2], [0, 0, 1]):
         raise InputError(
             f"CameraInfo.{name} is not a pinhole matrix (fx, fy > 0, last row 0 0 1): "

@@ -11,6 +11,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
 from stcalib_ros.core.model.keypoint_layouts import Layout, find_layout
+from stcalib_ros.core.model.lens_knowledge import lens_knowledge
 from stcalib_ros.core.model.recording import (
     CameraRecording,
     Intrinsics,
@@ -23,7 +24,7 @@ from stcalib_ros.core.model.recording import (
 def camera_from_arrays(
     name: str,
     *,
-    K: ArrayLike,
+    K: ArrayLike | None,
     image_size: tuple[int, int],
     stamps: ArrayLike,
     frames: ArrayLike,
@@ -36,6 +37,8 @@ def camera_from_arrays(
     lens_model: LensModel = LensModel.PLUMB_BOB,
     metric: bool = False,
     line_time_s: float = 0.0,
+    intrinsics: str | None = None,
+    lens_group: str = "",
 ) -> CameraRecording:
     """Make the recording of one camera from arrays of detected poses, M in all.
 
@@ -43,8 +46,8 @@ def camera_from_arrays(
     ----------
     name : str
         Name of the camera; its optical frame is ``<name>_optical_frame``.
-    K : (3, 3) array_like
-        Pinhole matrix, px.
+    K : (3, 3) array_like or None
+        Pinhole matrix, px; None: not known.
     image_size : (int, int)
         Width and height of the image, px.
     stamps : (N,) array_like
@@ -72,6 +75,10 @@ def camera_from_arrays(
         Whether the 3D poses are in metres.
     line_time_s : float
         Line delay of a rolling shutter, seconds per image row; 0: global shutter.
+    intrinsics : str, optional
+        What they are worth: "given", "refine" or "unknown". Default: as `Options` has it.
+    lens_group : str
+        Cameras of one group that is not empty have one lens.
 
     Returns
     -------
@@ -133,17 +140,15 @@ def camera_from_arrays(
         )
         _require_images(tracks, len(times))
         lens = _lens(K, image_size, D, lens_model)
+        worth = None if intrinsics is None else lens_knowledge(intrinsics, "intrinsics")
     except InputError as error:
         raise InputError(f"camera {name}: {error}") from error
     return CameraRecording(
-        name=name,
-        frame_id=f"{name}_optical_frame",
-        intrinsics=lens,
-        layout=known,
-        stamps=times,
-        tracks=tracks,
+        *(name, f"{name}_optical_frame", lens, known, times, tracks),
         metric=metric,
         line_time_s=line_time_s,
+        lens_knowledge=worth,
+        lens_group=lens_group,
     )
 
 
@@ -189,9 +194,9 @@ def _require_images(tracks: Sequence[Track], n_images: int) -> None:
 
 
 def _lens(
-    K: ArrayLike, image_size: tuple[int, int], D: Sequence[float], model: LensModel
+    K: ArrayLike | None, image_size: tuple[int, int], D: Sequence[float], model: LensModel
 ) -> Intrinsics:
-    matrix = _array("K", K, (3, 3))
+    matrix = np.zeros((3, 3)) if K is None else _array("K", K, (3, 3))
     width, height = image_size
     return intrinsics_from_camera_info(
         width=width,

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from stcalib_ros.core.errors import InputError
+
 
 class LensKnowledge(Enum):
     """What the intrinsics of a camera are worth.
@@ -17,6 +19,34 @@ class LensKnowledge(Enum):
     GIVEN = "given"
     REFINE = "refine"
     UNKNOWN = "unknown"
+
+
+def lens_knowledge(name: str, what: str) -> LensKnowledge:
+    """Return what intrinsics are worth by its name.
+
+    Parameters
+    ----------
+    name : str
+    what : str
+        Option or argument, for the error.
+
+    Raises
+    ------
+    InputError
+        There is nothing of that name.
+
+    Examples
+    --------
+    >>> lens_knowledge("unknown", "intrinsics")
+    <LensKnowledge.UNKNOWN: 'unknown'>
+    """
+    try:
+        return LensKnowledge(name)
+    except ValueError:
+        names = [one.value for one in LensKnowledge]
+        raise InputError(
+            f"{what}: expected {', '.join(names[:-1])} or {names[-1]}, got {name!r}"
+        ) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,3 +65,28 @@ class LensStddev:
     cx_px: float
     cy_px: float
     radial: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LensPrior:
+    """What is known of a lens that is to be estimated.
+
+    Attributes
+    ----------
+    focal_px : float
+    focal_stddev : float
+        Relative standard deviation; infinite: nothing is known.
+    centre_px : (float, float)
+        Principal point.
+    centre_stddev_px : float
+    radial : tuple of float
+        Coefficients of radial distortion that are estimated, k1 and on.
+    radial_stddev : float
+    """
+
+    focal_px: float
+    focal_stddev: float
+    centre_px: tuple[float, float]
+    centre_stddev_px: float
+    radial: tuple[float, ...]
+    radial_stddev: float

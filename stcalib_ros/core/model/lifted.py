@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
-from stcalib_ros.core.model.lens_knowledge import LensKnowledge
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensPrior
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.core.model.rolling_shutter import GLOBAL, Shutter
 
@@ -75,6 +75,8 @@ class LiftedCamera:
         What this lens is worth.
     lens_group : str
         Cameras of one group that is not empty have one lens.
+    lens_prior : LensPrior or None
+        What was known of a lens that is to be estimated; None of one that is given.
     """
 
     name: str
@@ -85,6 +87,7 @@ class LiftedCamera:
     intrinsics: Intrinsics | None = None
     lens_knowledge: LensKnowledge = LensKnowledge.GIVEN
     lens_group: str = ""
+    lens_prior: LensPrior | None = None
 
 
 def time_span(cameras: Sequence[LiftedCamera], offset_s: Iterable[float]) -> tuple[float, float]:

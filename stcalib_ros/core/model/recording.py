@@ -14,7 +14,7 @@ import numpy as np
 
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, FloatArray, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
-from stcalib_ros.core.model.lens_knowledge import LensKnowledge
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensPrior
 
 
 class LensModel(Enum):
@@ -134,6 +134,9 @@ class CameraRecording:
         What `intrinsics` are worth; None: as `Options.intrinsics` has it.
     lens_group : str
         Cameras of one group that is not empty have one lens: cameras of one model.
+    lens_prior : LensPrior or None
+        What is known of a lens that is to be estimated. None: by `lens_knowledge` and
+        `Options.lens`.
     """
 
     name: str
@@ -147,6 +150,7 @@ class CameraRecording:
     received: Float64Array | None = None
     lens_knowledge: LensKnowledge | None = None
     lens_group: str = ""
+    lens_prior: LensPrior | None = None
 
     @property
     def has_3d_poses(self) -> bool:

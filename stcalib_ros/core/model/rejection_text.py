@@ -22,6 +22,11 @@ _SENTENCES = {
         "pixels of an image of {width:.0f} x {height:.0f} are expected; multiply those of 0..1 by "
         "the image size (those of -1..1: add 1, and multiply by half of it)"
     ),
+    _R.LENS_UNKNOWN: (
+        "no lens is known, since K of CameraInfo is zero or there is none: set intrinsics to "
+        "unknown (--intrinsics {detail}) to have it estimated from the people, or give "
+        "field_of_view_deg of a data sheet; or calibrate the lens first"
+    ),
     _R.FOCAL_LENGTH_ABSURD: (
         "its focal lengths of {fx:.4g} and {fy:.4g} px do not belong to an image of {width:.0f} x "
         "{height:.0f} px: it would show {fov_x:.3g} x {fov_y:.3g} degrees with pixels {ratio:.3g} "

@@ -22,6 +22,11 @@ REMARKS = {
         "by scale.distances, people are {ratio:.2f} times as large as adults: check the distances "
         "if they are not"
     ),
+    RemarkCode.LENS_ASSUMED: (
+        "the lenses of {cameras} were not known and are estimated; to start from, a horizontal "
+        "view of {view_deg:.0f} degrees, a principal point in the middle of the image and no "
+        "distortion were assumed"
+    ),
     RemarkCode.POSES_LEFT_OUT: (
         "{camera}: {n_left_out:.0f} of {n_poses:.0f} poses are left out, since all of their "
         "keypoints are at one place: check the pose estimator's output"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.recording import Intrinsics
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,6 +28,8 @@ class Rig:
         Weight of the hypotheses that agree.
     synchronised : bool
         The clocks are known to agree: offsets are zero and not estimated.
+    lenses : tuple of Intrinsics, optional
+        As they were estimated. Default: those that the cameras were lifted by.
     """
 
     cameras: IntArray
@@ -35,6 +38,7 @@ class Rig:
     offset_s: Float64Array
     support: float
     synchronised: bool = False
+    lenses: tuple[Intrinsics, ...] = ()
 
 
 def _part(rig: Rig, cameras: IntArray) -> Rig:
@@ -52,4 +56,5 @@ def sub_rig(rig: Rig, members: Sequence[int]) -> Rig:
         R_ref_cam=R_0.T @ rig.R_ref_cam[pick],
         t_ref_cam=(rig.t_ref_cam[pick] - t_0) @ R_0,
         offset_s=rig.offset_s[pick] - rig.offset_s[pick[0]],
+        lenses=tuple(rig.lenses[i] for i in members) if rig.lenses else (),
     )

@@ -21,6 +21,7 @@ from stcalib_ros.core.model.recording import CameraRecording, Recording, only_im
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.rolling_shutter import with_known_line_times
 from stcalib_ros.core.model.skeleton import common_skeleton
+from stcalib_ros.core.monitoring.lenses import with_lenses_in_force
 from stcalib_ros.core.monitoring.limits import (
     ASSOCIATION_TOLERANCE_PX,
     IMAGE_BORDER,
@@ -121,7 +122,8 @@ def associate_span(
         None if fewer than two of the calibration's cameras have images.
     """
     known = {camera.name: camera for camera in calibration.cameras}
-    readable = readable_input(recording, min_score=min_score)
+    seen = with_lenses_in_force(recording, calibration)
+    readable = readable_input(seen, min_score=min_score)
     present = [camera for camera in readable.cameras if camera.name in known]
     cameras = tuple(_thinned(camera) for camera in present if len(camera.stamps))
     if len(cameras) < 2:

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
-from stcalib_ros.core.model.arrays import Float64Array, FloatArray, IntArray
+from stcalib_ros.core.lifting.lift import as_precise
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.skeleton import Skeleton, mirrored_joints
@@ -89,14 +90,9 @@ def _track(
         root = root[:, [1, 0, 2]]
     return replace(
         track,
-        x=_as_precise(signs * x, track.x),
+        x=as_precise(signs * x, track.x),
         focal=focal,
         joints_cam=np.full_like(track.joints_cam, np.nan),
-        root_cam=_as_precise(root, track.root_cam),
+        root_cam=as_precise(root, track.root_cam),
         rows=None if track.rows is None else track.rows[:, columns],
     )
-
-
-def _as_precise(values: Float64Array, given: FloatArray) -> FloatArray:
-    """Return values in the precision of what they were computed from."""
-    return values.astype(np.float32) if given.dtype == np.float32 else values

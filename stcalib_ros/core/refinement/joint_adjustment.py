@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stcalib_ros.core.bundle.covariance import information
+from stcalib_ros.core.bundle.covariance import Information, information
 from stcalib_ros.core.bundle.istba import readjusted
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.parameters import (
@@ -16,6 +16,7 @@ from stcalib_ros.core.bundle.parameters import (
     CameraUnknown,
     ParameterLayout,
 )
+from stcalib_ros.core.bundle.residuals import noise_px
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.options import BundleOptions
@@ -103,6 +104,8 @@ def _selected(
     if not layout.further:
         return JointAdjustment(last, chosen), stddev
     known = information(last.observations, last.state, layout, of_poses=False)
+    last = _with_correlation(last, known.variance(layout))
+    stddev |= _lens_stddevs(known, layout)
     skews, delays = None, None
     if estimate_line_delays:
         delays = select_line_delays(members, known, layout)
@@ -116,6 +119,24 @@ def _selected(
     if delays is not None:
         chosen = chosen.with_unknown(LINE_DELAY, delays.estimated)
     return JointAdjustment(last, chosen, skews, delays), stddev
+
+
+def _with_correlation(last: Iteration, variance: float) -> Iteration:
+    """The round with the weight that its keypoints have against what was known of its lenses."""
+    if last.state.lenses is None:
+        return last
+    correlated = variance / noise_px(last.observations, last.state) ** 2
+    lenses = replace(last.state.lenses, correlated=correlated)
+    observations = replace(last.observations, lenses=lenses)
+    return replace(last, observations=observations, state=replace(last.state, lenses=lenses))
+
+
+def _lens_stddevs(known: Information, layout: ParameterLayout) -> dict[CameraUnknown, Float64Array]:
+    of_lenses = [unknown for unknown in layout.further if unknown.row is not None]
+    if not of_lenses:
+        return {}
+    variance = np.diag(known.covariance(layout))
+    return {one: np.sqrt(variance[layout.scalars(one)]) for one in of_lenses}
 
 
 def _held(last: Iteration, layout: ParameterLayout) -> Iteration:

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from stcalib_ros.core.bundle.normal_equations import ReducedSystem
-from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout, PointTimes
+from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
+from stcalib_ros.core.bundle.point_views import PointTimes
 from stcalib_ros.core.bundle.residuals import Projection
 from stcalib_ros.core.geometry import bsplines as splines
 from stcalib_ros.core.geometry.robust import CAUCHY, LEAST_SHARE, RAYLEIGH_MEDIAN

@@ -8,7 +8,7 @@ its lag, and the evidence of all of them is summed up.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -108,6 +108,22 @@ def search(
         if not any(abs(g.lag - best) <= 1 and (p, q) in g.matches for g in grown):
             grown.append(pair.grow(p, q, best))
     return tuple(pair.between_samples(g) for g in _distinct(grown)[: options.n_refined])
+
+
+def by_other_lenses(found: Agreement, a: KeypointMoments, b: KeypointMoments) -> Agreement:
+    """Return an agreement with the matrix and the error that it has by other lenses.
+
+    Parameters
+    ----------
+    found : Agreement
+    a, b : KeypointMoments
+        Of the same tracks by these lenses.
+    """
+    lag = round(found.lag)
+    c = np.asarray(sum(moments_at(a, b, p, q, lag) for p, q in found.matches))
+    squares, E = best_essential(*pencil(c))
+    error_px = float(np.sqrt(squares[0] * a.focal_px * b.focal_px))
+    return replace(found, E=E, points=float(c[ONE, ONE]), error_px=error_px)
 
 
 def _seeds(pair: _Pair, every: int) -> list[tuple[int, int, int]]:

@@ -149,3 +149,36 @@ start by keypoints itself may be off in a window of five frames. Chosen."""
 MAX_SAMPLES_PER_IMAGE = 100
 """Samples of the grid per image of the camera that has most. The step is longer where there would
 be more. Chosen: twice what `MAX_GRID_FACTOR` of the input leaves; usual recordings have 1 to 3."""
+
+FOCAL_BOUNDS = (-1.5, 1.3)
+"""Logarithm of a focal length over that of `assumed_lens`, least and greatest: views of 140 to 20
+degrees. Chosen: beyond the 30 to 120 degrees that are searched, so that noise does not hit them."""
+
+RADIAL_BOUNDS = (-0.5, 0.3)
+"""Radial coefficient of a lens, least and greatest. Derived: -1/3 is an equidistant lens, with a
+margin for noise."""
+
+MOST_BENT = -1.0 / 6.0
+"""Radial coefficient of a lens. One with a lower one is taken for an equidistant lens, one with a
+higher one for a plumb bob. Derived: half-way between an equidistant lens and a pinhole, so that k1
+of either is the smaller one. Found of views of 95 to 125 degrees: -0.15 to -0.33 of equidistant
+ones, -0.12 to 0.03 of others; and -0.2 to -0.27 with k1 = -0.25 and k2 = 0.06, which an equidistant
+lens with a k1 fits as well."""
+
+FOCAL_START = -0.5
+"""Logarithm of a focal length over that of `assumed_lens`, from which the search for one starts: a
+view of 92 degrees. Chosen on views of 45 to 125 degrees: from there all are found, from 64 degrees
+those of 125 are not."""
+
+FOCAL_STDDEV = 0.35
+"""Standard deviation of the logarithm of an unknown focal length over that of `assumed_lens`.
+Chosen: usual views of 40 to 100 degrees are within 1.7 of it, those of 30 and 120 within 3."""
+
+RADIAL_STDDEV = 0.1
+"""Standard deviation of the radial coefficient of a lens. Chosen: usual lenses have -0.2 to 0; that
+of a fisheye, -1/3, is so clear in the keypoints that it is found all the same."""
+
+LENS_KEYPOINTS = 45
+"""Keypoints of a pair per independent measurement of its lenses. Measured: with it, the squared
+errors of focal lengths are on average 0.4 (default) to 1.0 (20 mm of keypoint bias) times the
+variances in scenes of benchmarks.accuracy.level."""

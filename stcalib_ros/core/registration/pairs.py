@@ -18,7 +18,11 @@ from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import Options, RegistrationOptions
 from stcalib_ros.core.registration.correspondences import MAX_POINTS, correspondences
 from stcalib_ros.core.registration.epipolar_correlation import KeypointMoments, keypoint_moments
-from stcalib_ros.core.registration.epipolar_search import Agreement, search
+from stcalib_ros.core.registration.epipolar_search import (
+    Agreement,
+    by_other_lenses,
+    search,
+)
 from stcalib_ros.core.registration.essential import pose_by_cheirality, robust_essential
 from stcalib_ros.core.registration.limits import (
     MIN_POINTS,
@@ -53,6 +57,8 @@ class PairTask:
         The clocks are known to agree.
     max_points : int
         Keypoints of a hypothesis by which it is refined, about.
+    found : tuple of Agreement or None
+        What agrees on an essential matrix, the best supported first; None: it is searched for.
     """
 
     a: int
@@ -64,6 +70,7 @@ class PairTask:
     options: RegistrationOptions
     synchronised: bool
     max_points: int = MAX_POINTS
+    found: tuple[Agreement, ...] | None = None
 
 
 def pair_tasks(
@@ -94,6 +101,36 @@ def pair_tasks(
     ]
 
 
+def agreements(task: PairTask) -> tuple[Agreement, ...]:
+    """Return what agrees on an essential matrix, the best supported first."""
+    if task.found is not None:
+        return task.found
+    return search(*task.moments, max_lag=task.max_lag, step_s=task.step_s, options=task.options)
+
+
+def with_agreements(task: PairTask, before: PairTask, found: tuple[Agreement, ...]) -> PairTask:
+    """Return a task that goes on with what was found by other lenses, if its pieces are the same.
+
+    Parameters
+    ----------
+    task : PairTask
+    before : PairTask
+        The same pair by the other lenses.
+    found : tuple of Agreement
+        What agreed in it.
+    """
+    both = zip(before.pieces, task.pieces, strict=True)
+    if not all(_same_frames(one.camera, other.camera) for one, other in both):
+        return task
+    return replace(task, found=tuple(by_other_lenses(one, *task.moments) for one in found))
+
+
+def _same_frames(one: LiftedCamera, other: LiftedCamera) -> bool:
+    return len(one.tracks) == len(other.tracks) and all(
+        np.array_equal(a.frames, b.frames) for a, b in zip(one.tracks, other.tracks, strict=True)
+    )
+
+
 def register(task: PairTask) -> tuple[RelativePose, ...]:
     """Return the hypotheses on a pair of cameras, refined, the best supported first."""
     cameras = tuple(pieces.camera for pieces in task.pieces)
@@ -119,7 +156,7 @@ def _refined(
 
 def _starts(task: PairTask, cameras: tuple[LiftedCamera, ...]) -> Iterator[RelativePose]:
     """Yield the relative poses of what agrees on an essential matrix."""
-    found = search(*task.moments, max_lag=task.max_lag, step_s=task.step_s, options=task.options)
+    found = agreements(task)
     for one in found:
         if one.support >= MIN_SUPPORT_RATIO * found[0].support:
             start = _start(cameras, one, task.step_s)

@@ -6,9 +6,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.recording import LensModel
 from stcalib_ros.core.synthetic.bias_forms import BIAS_FORMS
 from stcalib_ros.core.synthetic.people import PEOPLE
-from stcalib_ros.core.synthetic.rigs import SceneRig
+from stcalib_ros.core.synthetic.rigs import DISTORTION_TERMS, SceneRig
+
+LENS_MODELS = tuple(model.value for model in DISTORTION_TERMS)
+"""Lens models of simulated cameras, by their names in CameraInfo."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +33,14 @@ class SceneOptions:
         One for all, or one per camera.
     image_size : (int, int)
         Width and height, px.
-    focal_px : float
+    focal_px : float or tuple of float
+        One for all cameras of a ring, or one per camera.
+    lens_model : str
+        Model of the lenses of a ring, by its name in CameraInfo.
+    distortion : tuple of float
+        Coefficients of that model in OpenCV's order; those that are missing are 0.
+    principal_point_px : (float, float)
+        Where the axes of the lenses of a ring meet their images, from the middle.
     ring_radius_m, ring_height_m : (float, float)
         Ranges of the distances of cameras from the middle, and of their heights.
     rig : SceneRig or None
@@ -87,7 +98,10 @@ class SceneOptions:
     area_radius_m: float = 1.6
     fps: float | tuple[float, ...] = 30.0
     image_size: tuple[int, int] = (1920, 1080)
-    focal_px: float = 1400.0
+    focal_px: float | tuple[float, ...] = 1400.0
+    lens_model: str = LensModel.PLUMB_BOB.value
+    distortion: tuple[float, ...] = ()
+    principal_point_px: tuple[float, float] = (0.0, 0.0)
     ring_radius_m: tuple[float, float] = (3.5, 5.0)
     ring_height_m: tuple[float, float] = (1.5, 2.8)
     rig: SceneRig | None = None
@@ -127,13 +141,8 @@ class SceneOptions:
                 raise InputError(
                     f"{name} must be two numbers of {bounds.low:g} to {bounds.high:g}, got {values}"
                 )
-        if self.people not in PEOPLE:
-            raise InputError(f"people: expected one of {', '.join(PEOPLE)}, got {self.people!r}")
-        if self.keypoint_bias_form not in BIAS_FORMS:
-            raise InputError(
-                f"keypoint_bias_form: expected one of {', '.join(BIAS_FORMS)},"
-                f" got {self.keypoint_bias_form!r}"
-            )
+        self._check_names()
+        self._check_lens()
         n = self.n_cameras if self.rig is None else len(self.rig.names)
         self.line_times(n)
         rates = self.rates(n)
@@ -144,24 +153,34 @@ class SceneOptions:
                 f"people are more than {MAX_POSES} poses; make one of them smaller"
             )
 
+    def _check_names(self) -> None:
+        if self.people not in PEOPLE:
+            raise InputError(f"people: expected one of {', '.join(PEOPLE)}, got {self.people!r}")
+        if self.keypoint_bias_form not in BIAS_FORMS:
+            raise InputError(
+                f"keypoint_bias_form: expected one of {', '.join(BIAS_FORMS)},"
+                f" got {self.keypoint_bias_form!r}"
+            )
+        if self.lens_model not in LENS_MODELS:
+            raise InputError(
+                f"lens_model: expected one of {', '.join(LENS_MODELS)}, got {self.lens_model!r}"
+            )
+
+    def _check_lens(self) -> None:
+        if len(self.distortion) > (most := DISTORTION_TERMS[LensModel(self.lens_model)]):
+            raise InputError(
+                f"distortion: {self.lens_model} has {most} coefficients, got {len(self.distortion)}"
+            )
+        if self.rig is None:
+            _per_camera("focal_px", self.focal_px, self.n_cameras, _FOCAL_LENGTHS)
+
     def rates(self, n_cameras: int) -> tuple[float, ...]:
         """Frame rate of each camera, Hz."""
-        rates = self.fps if isinstance(self.fps, tuple) else (self.fps,) * n_cameras
-        if len(rates) != n_cameras:
-            raise InputError(f"fps: {len(rates)} rates for {n_cameras} cameras")
-        if not all(_RATES.low <= r <= _RATES.high for r in rates):
-            raise InputError(f"fps must be {_RATES.low:g} to {_RATES.high:g}, got {self.fps}")
-        return rates
+        return _per_camera("fps", self.fps, n_cameras, _RATES)
 
     def line_times(self, n_cameras: int) -> tuple[float, ...]:
         """Line time of each camera, seconds per row."""
-        given = self.line_time_s
-        times = given if isinstance(given, tuple) else (given,) * n_cameras
-        if len(times) != n_cameras:
-            raise InputError(f"line_time_s: {len(times)} line times for {n_cameras} cameras")
-        if not all(0 <= t <= MAX_LINE_TIME_S for t in times):
-            raise InputError(f"line_time_s must be 0 to {MAX_LINE_TIME_S:g}, got {given}")
-        return times
+        return _per_camera("line_time_s", self.line_time_s, n_cameras, _LINE_TIMES)
 
 
 class _Range(NamedTuple):
@@ -169,12 +188,23 @@ class _Range(NamedTuple):
     high: float
 
 
+def _per_camera(
+    name: str, given: float | tuple[float, ...], n_cameras: int, bounds: _Range
+) -> tuple[float, ...]:
+    """Value of each camera of an option that is one for all, or one per camera."""
+    values = given if isinstance(given, tuple) else (given,) * n_cameras
+    if len(values) != n_cameras:
+        raise InputError(f"{name}: {len(values)} values for {n_cameras} cameras")
+    if not all(bounds.low <= value <= bounds.high for value in values):
+        raise InputError(f"{name} must be {bounds.low:g} to {bounds.high:g}, got {given}")
+    return values
+
+
 _RANGES = {
     "n_cameras": _Range(1, 1000),
     "n_people": _Range(1, 1000),
     "n_frames": _Range(2, 10_000_000),
     "area_radius_m": _Range(0.01, 1000.0),
-    "focal_px": _Range(1.0, 1e6),
     "rig_scale": _Range(1e-3, 1000.0),
     "max_offset_frames": _Range(0.0, 1e6),
     "skew_ppm": _Range(0.0, 1e5),
@@ -195,14 +225,21 @@ _RANGES_OF_TWO = {
     "ring_height_m": _Range(0.0, 1000.0),
     "lifter_mm": _Range(0.0, 1e4),
     "image_size": _Range(16, 100_000),
+    "principal_point_px": _Range(-1e5, 1e5),
 }
 """The same of what has two values."""
 
 _RATES = _Range(0.1, 1000.0)
 """Frame rates, Hz: from time lapse to high-speed cameras. Chosen; what is outside is a mistake."""
 
+_FOCAL_LENGTHS = _Range(1.0, 1e6)
+"""Focal lengths, px: far beyond those of cameras. Chosen; what is outside is a mistake."""
+
 MAX_LINE_TIME_S = 1e-3
 """Seconds per row, as large as the live node takes it: a readout of a second at 1000 rows."""
+
+_LINE_TIMES = _Range(0.0, MAX_LINE_TIME_S)
+"""Line times of rolling shutters, seconds per row: from a global shutter to the slowest one."""
 
 MAX_POSES = 10_000_000
 """Persons times images. A scene of more is not simulated: it would take 10 GB. The largest of the

@@ -13,6 +13,13 @@ from stcalib_ros.core.model.recording import Intrinsics, LensModel
 _HIP_HEIGHT = 0.95
 """Metres. Height of the hips of an adult, at which the cameras of a ring look."""
 
+DISTORTION_TERMS = {
+    LensModel.PLUMB_BOB: 5,
+    LensModel.RATIONAL_POLYNOMIAL: 8,
+    LensModel.EQUIDISTANT: 4,
+}
+"""Number of coefficients of each lens model in OpenCV."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneRig:
@@ -56,9 +63,12 @@ def ring_rig(
     n_cameras: int,
     *,
     image_size: tuple[int, int],
-    focal_px: float,
+    focal_px: float | tuple[float, ...],
     radius_m: tuple[float, float],
     height_m: tuple[float, float],
+    model: LensModel = LensModel.PLUMB_BOB,
+    distortion: tuple[float, ...] = (),
+    principal_point_px: tuple[float, float] = (0.0, 0.0),
 ) -> SceneRig:
     """Place cameras around the origin that look at its surroundings; z is up, the floor at 0."""
     even = np.arange(n_cameras) / n_cameras
@@ -67,15 +77,28 @@ def ring_rig(
     centre = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=-1)
     target = np.array([0.0, 0.0, _HIP_HEIGHT]) + 0.15 * rng.standard_normal((n_cameras, 3))
     R = np.stack([_looking(a, b) for a, b in zip(centre, target, strict=True)])
-    width, tall = image_size
-    K = np.array([[focal_px, 0, width / 2], [0, focal_px, tall / 2], [0, 0, 1.0]])
-    lens = Intrinsics(width, tall, LensModel.PLUMB_BOB, K, np.zeros(5))
+    D = np.pad(distortion, (0, DISTORTION_TERMS[model] - len(distortion)))
+    at = 0.5 * np.array(image_size) + principal_point_px
+    focal = np.broadcast_to(focal_px, n_cameras)
     return SceneRig(
         tuple(f"cam{c}" for c in range(n_cameras)),
-        (lens,) * n_cameras,
+        tuple(_lens(image_size, float(f), at, model, D) for f in focal),
         R,
         -np.einsum("cab,cb->ca", R, centre),
     )
+
+
+def _lens(
+    image_size: tuple[int, int],
+    focal_px: float,
+    principal_point_px: Float64Array,
+    model: LensModel,
+    D: Float64Array,
+) -> Intrinsics:
+    """Return a lens of square pixels."""
+    cx, cy = principal_point_px
+    K = np.array([[focal_px, 0, cx], [0, focal_px, cy], [0, 0, 1.0]])
+    return Intrinsics(*image_size, model, K, D)
 
 
 def staged(rig: SceneRig, *, scale: float = 1.0) -> SceneRig:

@@ -14,7 +14,7 @@ from stcalib_ros.core.model.calibration import (
     PersonAssociation,
     Status,
 )
-from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.recording import LensModel, Recording
 from stcalib_ros.core.synthetic.changes import CameraChange
 from stcalib_ros.core.synthetic.clips import MotionClip
 from stcalib_ros.core.synthetic.noise import child_rng
@@ -139,6 +139,9 @@ def make_rig(rng: np.random.Generator, options: SceneOptions) -> SceneRig:
         focal_px=options.focal_px,
         radius_m=options.ring_radius_m,
         height_m=options.ring_height_m,
+        model=LensModel(options.lens_model),
+        distortion=options.distortion,
+        principal_point_px=options.principal_point_px,
     )
 
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.accuracy.consistency import normalised_errors
+from benchmarks.accuracy.consistency import normalised_errors, normalised_lens_errors
 from stcalib_ros.core.geometry.so3 import exp_so3
+from stcalib_ros.core.model.lens_knowledge import LensStddev
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 
 
@@ -48,3 +49,18 @@ def test_directions_without_deviation_do_not_count(truth):
     moved = (cameras[0], replace(cameras[1], t_ref_cam=t), cameras[2])
     centre = normalised_errors(replace(truth, cameras=moved), truth)[0][1]
     assert centre == pytest.approx(0.5, rel=1e-2)
+
+
+def test_errors_of_lenses_are_measured_in_deviations(truth):
+    lens = truth.cameras[1].intrinsics
+    K = lens.K + np.array([[28.0, 0, 6.0], [0, 28.0, 0], [0, 0, 0]])
+    off = replace(lens, K=K, D=np.array([0.03, 0, 0, 0, 0]))
+    stddev = LensStddev(14.0, 3.0, 3.0, (0.01,))
+    first, second, third = truth.cameras
+    second = replace(second, intrinsics=off, lens_stddev=stddev)
+    third = replace(third, lens_stddev=LensStddev(14.0, 0.0, 0.0))
+    found = normalised_lens_errors(replace(truth, cameras=(first, second, third)), truth)
+    assert np.isnan(found[0]).all()
+    assert found[1] == pytest.approx([4.0, 2.0, 9.0])
+    assert found[2][0] == 0.0
+    assert np.isnan(found[2][1:]).all()

@@ -20,9 +20,8 @@ from stcalib_ros.core.bundle.parameters import (
     Cameras,
     CameraUnknown,
     ParameterLayout,
-    PointTimes,
-    PointView,
 )
+from stcalib_ros.core.bundle.point_views import PointTimes, PointView
 from stcalib_ros.core.bundle.residuals import camera_points
 from stcalib_ros.core.bundle.scaled_system import propagate
 from stcalib_ros.core.geometry.so3 import exp_so3

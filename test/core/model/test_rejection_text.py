@@ -46,6 +46,10 @@ REJECTIONS = (
     ),
     (Rejection(R.STAMPS_TOO_CLOSE, (), 1e-6, 1e-3, "s"), "are 1e-06 s apart .* than 0.001 s"),
     (
+        Rejection(R.LENS_UNKNOWN, ("a",), detail="a=unknown"),
+        r"K of CameraInfo is zero or there is none: set .* \(--intrinsics a=unknown\)",
+    ),
+    (
         Rejection(R.FOCAL_LENGTH_ABSURD, (), 179.9, 175.0, values={**PLACED, **VIEW}),
         "of 0.7 and 0.72 px .* of 1920 x 1080 px: .* 180 x 179 degrees .* 1.03 times as wide .*; g",
     ),
@@ -168,6 +172,10 @@ REMARKS = (
     (
         Remark(C.SHARE_MORE_VIEW, ("a", "b"), SHARED),
         r"^a shares 2.0 s .*8.0 s: .*it and b .*\(1.0 s",
+    ),
+    (
+        Remark(C.LENS_ASSUMED, ("a", "b"), {"view_deg": 64.0}),
+        "lenses of a, b were not known .*view of 64 degrees, .* no distortion were assumed",
     ),
     (Remark(C.MOVE_FASTER, ("a",)), "^people who move faster"),
     (Remark(C.LEAVE_THE_LINE), "one line: people who walk across it"),

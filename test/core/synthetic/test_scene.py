@@ -284,6 +284,27 @@ def test_nothing_is_seen_beyond_the_image_or_where_the_lens_model_folds():
     assert seen.tolist() == [True, False, False, True, False]
 
 
+def test_every_camera_can_have_a_focal_length_of_its_own_behind_the_same_model():
+    lens = {"lens_model": "equidistant", "distortion": (0.02, -0.01)}
+    lens["principal_point_px"] = (12.0, -7.0)
+    options = replace(EXACT, focal_px=(700.0, 900.0, 800.0, 1000.0), **lens)
+    scene = simulate(options)
+    for c, (camera, focal) in enumerate(zip(scene.truth.cameras, options.focal_px, strict=True)):
+        own = camera.intrinsics
+        assert (own.model, own.K[0, 0], own.K[1, 1]) == (LensModel.EQUIDISTANT, focal, focal)
+        assert own.K[:2, 2].tolist() == [960 + 12, 540 - 7]
+        assert own.D.tolist() == [0.02, -0.01, 0.0, 0.0]
+        stamps = scene.recording.cameras[c].stamps
+        X = points_cam(scene, c, stamps + camera.time_offset_s).reshape(-1, 3)
+        angle = np.arctan2(np.hypot(X[:, 0], X[:, 1]), X[:, 2])
+        radius = focal * (angle + 0.02 * angle**3 - 0.01 * angle**5)
+        pixels = own.K[:2, 2] + radius[:, None] * X[:, :2] / np.hypot(X[:, :1], X[:, 1:2])
+        keypoints, _ = observed(scene, c)
+        seen = np.isfinite(keypoints[..., 0])
+        assert seen.mean() > 0.8
+        np.testing.assert_allclose(keypoints[seen], pixels.reshape(keypoints.shape)[seen])
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -294,10 +315,16 @@ def test_nothing_is_seen_beyond_the_image_or_where_the_lens_model_folds():
         ({"missing": 1.0}, "missing must be a fraction"),
         ({"drop_rate": -0.1}, "drop_rate must be a fraction"),
         ({"people": "robots"}, "expected one of mocap, procedural, standing, gesturing"),
-        ({"fps": (30.0, 25.0)}, "2 rates for 4 cameras"),
+        ({"fps": (30.0, 25.0)}, "2 values for 4 cameras"),
         ({"fps": 0.0}, "fps must be 0.1 to 1000"),
         ({"lifter_mm": (30.0,)}, "lifter_mm must be two numbers"),
         ({"focal_px": 0.0}, "focal_px must be 1 to"),
+        ({"focal_px": (900.0, 1000.0)}, "focal_px: 2 values for 4 cameras"),
+        ({"lens_model": "fisheye"}, "expected one of plumb_bob, rational_polynomial, equidistant"),
+        (
+            {"lens_model": "equidistant", "distortion": (0.1,) * 5},
+            "equidistant has 4 coefficients, got 5",
+        ),
     ],
 )
 def test_bad_options_are_refused(given, message):

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.bundle.normal_equations import backward_solve, cholesky3, forward_solve
-from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout, PointTimes
+from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
+from stcalib_ros.core.bundle.point_views import PointTimes
 from stcalib_ros.core.bundle.residuals import Projection
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 

@@ -256,6 +256,9 @@ class Problem:
         known = S[:, :, :k, :k].sum((0, 1))
         H = known - (gain @ mixed).sum((0, 1))
         g = S[:, :, :k, -1].sum((0, 1)) - np.einsum("pjkb,pjb->k", gain, gradient)
+        of_lenses, deviation = self.layout.prior(fit.cameras)
+        known, H = known + np.diag(of_lenses), H + np.diag(of_lenses)
+        g += of_lenses * deviation
         return EliminatedBiases(ReducedSystem(H, g), known, inverse, observed, gradient, mixed)
 
     def log_evidence(self, fit: BiasFit, e: EliminatedBiases) -> float:

@@ -1,0 +1,183 @@
+"""From what pairs of cameras agree on to the lenses of those that are not known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.core.model.relative_pose import RelativePose
+from stcalib_ros.core.options import LensOptions
+from stcalib_ros.core.registration.correspondences import Correspondences, correspondences
+from stcalib_ros.core.registration.epipolar_search import Agreement
+from stcalib_ros.core.registration.fov_lens import (
+    EQUIDISTANT,
+    LOG_FOCAL,
+    RADIAL,
+    fitted_lens,
+    scaled_lens,
+)
+from stcalib_ros.core.registration.lens_search import LensUnknowns, search_lenses
+from stcalib_ros.core.registration.limits import (
+    FOCAL_START,
+    FOCAL_STDDEV,
+    LENS_KEYPOINTS,
+    MIN_POINTS,
+    MOST_BENT,
+    RADIAL_STDDEV,
+)
+from stcalib_ros.core.registration.pairs import PairTask
+from stcalib_ros.core.registration.two_view_lenses import PairPoints
+
+_MAX_POINTS = 4000
+"""Keypoints of all pairs by which lenses are searched for, about. Numerical: bounds the cost."""
+_POINTS_OF_PAIR = (120, 400)
+"""Keypoints of a pair, least and most, about. Numerical: twice `MIN_POINTS`; more are hardly
+independent."""
+_OUTERMOST = 98.0
+"""Percentile of the radii of keypoints up to which a lens is fitted. Numerical: without strays."""
+
+
+def find_lenses(
+    lifted: Sequence[LiftedCamera],
+    tasks: Sequence[PairTask],
+    found: Sequence[Sequence[Agreement]],
+    options: LensOptions,
+) -> dict[int, Intrinsics]:
+    """Find the lenses of the cameras whose own are unknown or to be refined.
+
+    Parameters
+    ----------
+    lifted : sequence of LiftedCamera
+        All cameras, lifted by the lenses to start from.
+    tasks : sequence of PairTask
+        Pairs of cameras.
+    found : sequence of sequence of Agreement
+        What each of them agrees on, the best supported first.
+    options : LensOptions
+
+    Returns
+    -------
+    dict of int to Intrinsics
+        By the index of the camera; empty where no pair has enough common keypoints.
+    """
+    points = _pair_points(tasks, found)
+    if points is None:
+        return {}
+    unknowns = _unknowns(lifted, np.union1d(points.a, points.b), options)
+    if not len(unknowns.mean):
+        return {}
+    lenses = _by_families(points, unknowns)
+    return {
+        c: _lens(lifted[c], lenses[c], _outermost(points, c), options)
+        for c in np.flatnonzero(unknowns.column[:, LOG_FOCAL] >= 0).tolist()
+    }
+
+
+def _by_families(points: PairPoints, unknowns: LensUnknowns) -> Float64Array:
+    """Return lenses (C, 2) that are equidistant where they are nearly so.
+
+    A radial coefficient that is free goes with the focal length to some part.
+    """
+    lenses = search_lenses(points, unknowns).views.lenses
+    fisheye = (unknowns.column[:, RADIAL] >= 0) & (lenses[:, RADIAL] < MOST_BENT)
+    if not fisheye.any():
+        return lenses
+    column, known = unknowns.column.copy(), unknowns.known.copy()
+    column[fisheye, RADIAL], known[fisheye, RADIAL] = -1, EQUIDISTANT
+    start = unknowns.values(lenses)
+    again = replace(unknowns, column=column, known=known, start=start)
+    return search_lenses(points, again).views.lenses
+
+
+def _lens(
+    camera: LiftedCamera, lens: Float64Array, radius: float, options: LensOptions
+) -> Intrinsics:
+    """Return what was found of a camera in the form of its recording."""
+    start = _started_from(camera)
+    if camera.lens_knowledge is LensKnowledge.REFINE:
+        return scaled_lens(start, lens)
+    return fitted_lens(start, lens, radius=radius, radial_terms=options.radial_terms)
+
+
+def _started_from(camera: LiftedCamera) -> Intrinsics:
+    if camera.intrinsics is None:
+        raise AssertionError(f"camera {camera.name!r} was lifted without a lens")
+    return camera.intrinsics
+
+
+def _outermost(points: PairPoints, camera: int) -> float:
+    """Radius about the principal point, on the plane z = 1, within which its keypoints are."""
+    own = [points.m_a[k][points.observed[k]] for k in np.flatnonzero(points.a == camera)]
+    own += [points.m_b[k][points.observed[k]] for k in np.flatnonzero(points.b == camera)]
+    return float(np.percentile(np.linalg.norm(np.concatenate(own), axis=-1), _OUTERMOST))
+
+
+def _unknowns(
+    lifted: Sequence[LiftedCamera], cameras: IntArray, options: LensOptions
+) -> LensUnknowns:
+    """Return the unknowns of the lenses of some cameras, one for all of a group.
+
+    A fisheye that is given stays as it is until the adjustment: another focal length is no factor
+    of its bearings.
+    """
+    column = np.full((len(lifted), 2), -1)
+    numbers: dict[tuple[str, LensKnowledge, int], int] = {}
+    prior: list[tuple[float, float, float]] = []
+    for c in cameras.tolist():
+        knowledge = lifted[c].lens_knowledge
+        lens = lifted[c].lens_group or f"{c}"
+        if knowledge is LensKnowledge.GIVEN:
+            continue
+        if knowledge is LensKnowledge.UNKNOWN:
+            kinds = [(LOG_FOCAL, FOCAL_START, FOCAL_STDDEV), (RADIAL, 0.0, RADIAL_STDDEV)]
+            kinds = kinds[: 1 + min(1, options.radial_terms)]
+        elif _started_from(lifted[c]).model is LensModel.EQUIDISTANT:
+            continue
+        else:
+            kinds = [(LOG_FOCAL, 0.0, options.focal_stddev)]
+        for kind, start, stddev in kinds:
+            column[c, kind] = numbers.setdefault((lens, knowledge, kind), len(numbers))
+            if column[c, kind] == len(prior):
+                prior.append((start, 0.0, stddev))
+    start, mean, stddev = np.array(prior).reshape(-1, 3).T
+    return LensUnknowns(column, np.zeros((len(lifted), 2)), start, mean, stddev)
+
+
+def _pair_points(
+    tasks: Sequence[PairTask], found: Sequence[Sequence[Agreement]]
+) -> PairPoints | None:
+    """Return the keypoints of the best agreement of each pair; None where there are too few."""
+    most = int(np.clip(_MAX_POINTS // max(1, len(tasks)), *_POINTS_OF_PAIR))
+    pairs = [(t, f[0], _common(t, f[0], most)) for t, f in zip(tasks, found, strict=True) if f]
+    pairs = [pair for pair in pairs if len(pair[2].x_a) >= MIN_POINTS]
+    if not pairs:
+        return None
+    n = max(len(c.x_a) for _, _, c in pairs)
+    return PairPoints(
+        np.array([task.a for task, _, _ in pairs]),
+        np.array([task.b for task, _, _ in pairs]),
+        np.stack([_padded(c.x_a, n) for _, _, c in pairs]),
+        np.stack([_padded(c.x_b, n) for _, _, c in pairs]),
+        np.stack([_padded(c.v_b, n) for _, _, c in pairs]),
+        np.stack([np.arange(n) < len(c.x_a) for _, _, c in pairs]),
+        np.array([task.moments[0].focal_px for task, _, _ in pairs]),
+        np.array([task.moments[1].focal_px for task, _, _ in pairs]),
+        np.array([one.points / LENS_KEYPOINTS for _, one, _ in pairs]),
+    )
+
+
+def _common(task: PairTask, one: Agreement, max_points: int) -> Correspondences:
+    a, b = (pieces.camera for pieces in task.pieces)
+    h = RelativePose(0, 1, np.eye(3), np.zeros(3), one.lag * task.step_s, one.matches, one.points)
+    return correspondences((a, b), h, max_points=max_points)
+
+
+def _padded(points: Float64Array, n: int) -> Float64Array:
+    """Return the first two coordinates (n, 2) of homogeneous points, which go on with the last."""
+    return np.pad(points[:, :2].astype(np.float64), ((0, n - len(points)), (0, 0)), mode="edge")
