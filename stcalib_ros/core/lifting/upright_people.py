@@ -37,7 +37,7 @@ from stcalib_ros.core.lifting.limits import (
     NEW_PLACE_S,
     UPRIGHT_PROPORTION,
 )
-from stcalib_ros.core.lifting.upright_fit import POINTS, UprightFit, UprightPostures
+from stcalib_ros.core.lifting.upright_fit import FIRST_TILTS, POINTS, UprightFit, UprightPostures
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.skeleton import Skeleton
@@ -82,14 +82,24 @@ def focal_length_prior(camera: LiftedCamera, skeleton: Skeleton) -> FocalPrior |
     place = _places(postures)
     if place[-1] + 1 < MIN_UPRIGHT_PLACES:
         return None
-    fit = UprightFit(postures)
-    fit.run()
+    fit = _fitted(postures)
+    if fit is None:
+        return None
     log_ratio, tilt, _ = (float(value) for value in fit.at.common)
-    determined = abs(tilt) >= MIN_CAMERA_TILT_RAD and fit.scale <= MAX_POSTURE_ERROR**2
-    if not determined or not abs(log_ratio) <= MAX_LOG_FOCAL:
+    if not abs(tilt) >= MIN_CAMERA_TILT_RAD or not abs(log_ratio) <= MAX_LOG_FOCAL:
         return None
     stddev = fit.focal_stddev(place)
     return FocalPrior(log_ratio, stddev) if stddev <= MAX_FOCAL_STDDEV else None
+
+
+def _fitted(postures: UprightPostures) -> UprightFit | None:
+    """Return the first fit with errors of people who are upright."""
+    for tilt in FIRST_TILTS:
+        fit = UprightFit(postures, tilt)
+        fit.run()
+        if fit.scale <= MAX_POSTURE_ERROR**2:
+            return fit
+    return None
 
 
 def _upright_postures(camera: LiftedCamera, skeleton: Skeleton) -> UprightPostures | None:

@@ -70,8 +70,9 @@ def test_exact_people_give_the_focal_length(rng, ratio, tilt, roll):
     assert found.log_ratio == pytest.approx(np.log(ratio), abs=0.02)
 
 
-def test_a_camera_that_looks_up_gives_it_as_well(rng):
-    found = prior(sticks(rng, looking_down(-18.0), height=0.3, focal_ratio=1.2))
+@pytest.mark.parametrize(("tilt", "height"), [(50.0, 4.0), (-12.0, 1.0), (-18.0, 0.3)])
+def test_cameras_under_the_ceiling_and_near_the_floor_see_it_as_well(rng, tilt, height):
+    found = prior(sticks(rng, looking_down(tilt), height=height, focal_ratio=1.2))
     assert found is not None
     assert found.log_ratio == pytest.approx(np.log(1.2), abs=0.02)
 
