@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     )
     from stcalib_ros.core.model.from_arrays import camera_from_arrays
     from stcalib_ros.core.model.keypoint_layouts import LAYOUTS, Layout, find_layout
+    from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
     from stcalib_ros.core.model.recording import (
         CameraRecording,
         Intrinsics,
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from stcalib_ros.core.synthetic.scene import simulate
     from stcalib_ros.io.bag import read_bag
     from stcalib_ros.io.bag_writer import write_bag
+    from stcalib_ros.io.camera_info_yaml import write_camera_info
     from stcalib_ros.io.results import read_result, write_result
 
 __all__ = [
@@ -68,7 +70,9 @@ __all__ = [
     "InputError",
     "Intrinsics",
     "Layout",
+    "LensKnowledge",
     "LensModel",
+    "LensStddev",
     "Options",
     "PersonAssociation",
     "Recording",
@@ -90,6 +94,7 @@ __all__ = [
     "run_stages",
     "simulate",
     "write_bag",
+    "write_camera_info",
     "write_result",
 ]
 
@@ -113,6 +118,8 @@ _MODULE_OF = {
     "LAYOUTS": "core.model.keypoint_layouts",
     "Layout": "core.model.keypoint_layouts",
     "find_layout": "core.model.keypoint_layouts",
+    "LensKnowledge": "core.model.lens_knowledge",
+    "LensStddev": "core.model.lens_knowledge",
     "CameraRecording": "core.model.recording",
     "Intrinsics": "core.model.recording",
     "LensModel": "core.model.recording",
@@ -130,6 +137,7 @@ _MODULE_OF = {
     "simulate": "core.synthetic.scene",
     "read_bag": "io.bag",
     "write_bag": "io.bag_writer",
+    "write_camera_info": "io.camera_info_yaml",
     "read_result": "io.results",
     "write_result": "io.results",
 }

@@ -11,6 +11,12 @@ import numpy as np
 from benchmarks.accuracy.consistency import normalised_errors, normalised_lens_errors
 from benchmarks.accuracy.measure import Outcome, Run, judged, run_calibration
 from benchmarks.accuracy.scenarios import SCENARIOS, Scenario
+from stcalib_ros.core.evaluation.cramer_rao import (
+    ExpectedErrors,
+    expected_errors,
+    free_point_bound,
+)
+from stcalib_ros.core.evaluation.scene_truth import ScenePath, true_views
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.recording import (
@@ -115,12 +121,15 @@ class LensRun:
     poses, lenses : tuple of tuple of float
         Normalized errors squared where lenses are estimated: per camera but the reference those of
         rotation, centre and offset, and per camera those of focal length, principal point and k1.
+    floor : ExpectedErrors
+        Mean errors at the Cramer-Rao bound with joints that are free and these lenses unknown.
     """
 
     given: Run
     estimated: Run
     poses: tuple[tuple[float, ...], ...]
     lenses: tuple[tuple[float, ...], ...]
+    floor: ExpectedErrors
 
 
 _ASKED = {"E_f": 0.005, "E_k1": 0.02}
@@ -192,7 +201,11 @@ def run_lens_scene(kind: LensScenario, knowledge: LensKnowledge, poses: str, ind
     _, given = run(recording, LensKnowledge.GIVEN)
     poorer = with_poorer_lenses(recording, knowledge, kind.options, options.seed)
     outcome, estimated = run(poorer, knowledge)
-    return LensRun(given, estimated, *_normalised(outcome.calibration, scene.truth, estimated))
+    bound = free_point_bound(true_views(scene, kind.options), ScenePath(scene))
+    return LensRun(
+        *(given, estimated, *_normalised(outcome.calibration, scene.truth, estimated)),
+        floor=expected_errors(bound, np.random.default_rng(0)),
+    )
 
 
 _Rows = tuple[tuple[float, ...], ...]

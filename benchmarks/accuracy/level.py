@@ -119,7 +119,7 @@ def real_lenses(case: RealCase, poses: str, knowledge: LensKnowledge) -> Section
         judged(one, truth, name=case.name, seed=0, fps=case.fps, bounds={}) for one in outcomes
     )
     section = replace(real_section(case, truth, outcomes[1], run), poses=poses)
-    return replace(section, rows=(*section.rows, *beside_given(run, given)))
+    return replace(section, rows=(*section.rows, *beside_given(run, given, knowledge)))
 
 
 def _lenses(

@@ -168,7 +168,10 @@ REAL_LENSES: Mapping[LensKnowledge, Mapping[str, tuple[RealCase, ...]]] = {
         "3d": (_DEMO_UNKNOWN,),
         "2d": (replace(DEMO_2D, limits={**DEMO_2D.limits, **_FOCAL, "E_R": 0.06}), *_INFORMATIVE),
     },
-    LensKnowledge.REFINE: {"3d": (DEMO,), "2d": (DEMO_2D, *KEYPOINT_CASES)},
+    LensKnowledge.REFINE: {
+        "3d": (replace(DEMO, limits={}),),
+        "2d": tuple(replace(case, limits={}) for case in (DEMO_2D, *KEYPOINT_CASES)),
+    },
 }
-"""The same with lenses that are estimated: from a given one on nothing may get worse; where none is
-known, recordings other than `DEMO` are for information."""
+"""The same with lenses that are estimated. From given ones on, errors are compared with those of
+these; where none is known, recordings other than `DEMO` are for information."""

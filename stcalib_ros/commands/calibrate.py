@@ -44,8 +44,8 @@ YAML file with options by name (offset_range_s: 1.0), which cameras in which ord
 
 _INTRINSICS_HELP = """\
 what the intrinsics in CameraInfo are worth: given (default), refine (a guess, estimated from there
-on) or unknown (estimated; only the size of the image is used); with CAM=, of one camera; can be
-repeated"""
+on) or unknown (estimated; only the size of the image is used); with CAM=, of one camera; or a file
+as of --write-camera-info that takes the place of its CameraInfo; can be repeated"""
 
 
 def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = True) -> None:
@@ -97,7 +97,7 @@ def _add_option_arguments(parser: argparse.ArgumentParser) -> None:
         type=_intrinsics,
         action="append",
         default=[],
-        metavar="[CAM=]{given,refine,unknown}",
+        metavar="[CAM=]{given,refine,unknown,FILE.yaml}",
         help=_INTRINSICS_HELP,
     )
     parser.add_argument(
@@ -185,6 +185,7 @@ def _require_outputs(args: argparse.Namespace) -> None:
 
 def config_of(args: argparse.Namespace) -> Config:
     """Read the configuration file; arguments take precedence."""
+    from stcalib_ros.io.camera_info_yaml import read_camera_info_fields
     from stcalib_ros.io.config import Config, read_config
 
     config = Config() if args.config is None else read_config(args.config)
@@ -192,22 +193,29 @@ def config_of(args: argparse.Namespace) -> Config:
     changes = {name: value for name, value in given.items() if value is not None}
     if args.estimate_line_time:
         changes["estimate_line_time"] = True
-    worth = dict(args.intrinsics)
-    if (everywhere := worth.pop(None, None)) is not None:
-        changes["intrinsics"] = everywhere.value
-    selection = config.selection.with_line_delays(dict(args.line_time)).with_lens_knowledge(worth)
+    selection = config.selection.with_line_delays(dict(args.line_time))
+    for name, worth in args.intrinsics:
+        if isinstance(worth, Path):
+            selection = selection.with_lens(name, info=read_camera_info_fields(worth)[1])
+        elif name:
+            selection = selection.with_lens(name, knowledge=worth)
+        else:
+            changes["intrinsics"] = worth.value
     return Config(replace(config.options, **changes), selection)
 
 
-def _intrinsics(text: str) -> tuple[str | None, LensKnowledge]:
-    """Camera, or None for all, and what its intrinsics are worth."""
+def _intrinsics(text: str) -> tuple[str, LensKnowledge | Path]:
+    """Camera, empty for all, and what its intrinsics are worth, or the file that has them."""
     from stcalib_ros.core.model.lens_knowledge import lens_knowledge
 
     name, equals, worth = text.rpartition("=")
-    if equals and not name:
+    is_file = worth.endswith((".yaml", ".yml"))
+    if not name and (equals or is_file):
         raise argparse.ArgumentTypeError(f"expected CAM={worth}, got {text!r}")
+    if is_file:
+        return name, Path(worth)
     try:
-        return name or None, lens_knowledge(worth, name or "all cameras")
+        return name, lens_knowledge(worth, name or "all cameras")
     except InputError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
 

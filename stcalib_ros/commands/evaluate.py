@@ -5,19 +5,22 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from stcalib_ros.commands.terminal import table, warn
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.evaluation.lens_errors import LensError
 from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.io.results import read_result
 
 DESCRIPTION = """\
 Compare a result with the truth: the paper's E_R, E_t, E_delta and E_2D, the positions of the
-cameras after similarity alignment and, where the truth has persons, who was taken for whom.
+cameras after similarity alignment and, where the truth has persons, who was taken for whom; where
+lenses were estimated, focal lengths, principal points and distortion.
 
   stcalib evaluate walk.yaml --truth walk_truth.yaml --fps 30
 """
@@ -80,6 +83,13 @@ def evaluation_text(evaluation: Evaluation, metric: bool) -> str:
             f"persons  {evaluation.precision:.1%} of {evaluation.n_matches} matches of tracks are "
             f"right, {evaluation.recall:.1%} of the true ones are found"
         )
+    if estimated := [lens for lens in evaluation.lenses if lens.estimated]:
+        lines += [
+            f"E_f      {evaluation.E_f:.2%} of the focal length",
+            f"E_k1     {evaluation.E_k1:.4f}" if math.isfinite(evaluation.E_k1) else "E_k1     -",
+            "",
+            _lenses(estimated),
+        ]
     lines += [f"NOT calibrated: {name}" for name in evaluation.missing]
     return "\n".join(lines)
 
@@ -97,6 +107,23 @@ def _cameras(evaluation: Evaluation, unit: str) -> str:
             offset = "reference"
         numbers = [f"{n:.5f}" for n in (c.rotation_rad, c.translation, c.centre)]
         rows.append((c.name, numbers[0], numbers[1], numbers[2], offset))
+    return table(rows)
+
+
+def _lenses(lenses: Sequence[LensError]) -> str:
+    """Errors of estimated lenses, a row each."""
+    rows = [("lens of", "focal length", "principal point", "radial", "rays [mrad]")]
+    for lens in lenses:
+        radial = [f"k{k} {e:+.4f}" for k, e in enumerate(lens.radial, 1) if math.isfinite(e)]
+        rows.append(
+            (
+                lens.name,
+                f"{lens.focal:+.2%}",
+                f"{lens.principal_point_px:.1f} px",
+                ", ".join(radial) or "another model",
+                f"{1e3 * lens.ray_rad:.2f}",
+            )
+        )
     return table(rows)
 
 

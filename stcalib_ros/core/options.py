@@ -234,7 +234,7 @@ class LensOptions:
     """
 
     focal_stddev: float = _within(0.1, 1e-4, 1.0)
-    principal_point_stddev: float = _within(0.01, 1e-5, 0.5)
+    principal_point_stddev: float = _within(0.005, 1e-5, 0.5)
     radial_terms: int = _within(1, 0, 2)
     shared: bool = False
 

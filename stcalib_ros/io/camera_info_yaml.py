@@ -12,10 +12,9 @@ import yaml
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
-from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.io.files import require_writable, write_text
-from stcalib_ros.io.messages import fields_of_lens
+from stcalib_ros.io.messages import CameraInfoFields, fields_of_lens, lens
 from stcalib_ros.io.plausible import require_lens
 from stcalib_ros.io.yaml_entries import Entry
 from stcalib_ros.io.yaml_files import read_yaml
@@ -24,7 +23,7 @@ _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_]")
 """What ``camera_info_manager`` refuses in the name of a camera."""
 
 
-def write_camera_info(calibration: Calibration, folder: Path) -> tuple[Path, ...]:
+def write_camera_info(calibration: Calibration, folder: Path | str) -> tuple[Path, ...]:
     """Write the intrinsics of every camera to a file of its own, ``<camera>.yaml``.
 
     They are those of the published image, after binning and region of interest. In the names of
@@ -34,7 +33,7 @@ def write_camera_info(calibration: Calibration, folder: Path) -> tuple[Path, ...
     Parameters
     ----------
     calibration : Calibration
-    folder : Path
+    folder : Path or str
         Made if it is not there; files of these names are replaced, each whole or not at all.
 
     Returns
@@ -46,8 +45,16 @@ def write_camera_info(calibration: Calibration, folder: Path) -> tuple[Path, ...
     ------
     InputError
         A file cannot be written, or two cameras would have the same one.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> truth = st.simulate(st.SceneOptions(n_cameras=2, n_frames=30)).truth
+    >>> [path.name for path in st.write_camera_info(truth, "lenses")]
+    ['cam0.yaml', 'cam1.yaml']
     """
-    paths = require_camera_info_writable([camera.name for camera in calibration.cameras], folder)
+    names = [camera.name for camera in calibration.cameras]
+    paths = require_camera_info_writable(names, Path(folder))
     for path, camera in zip(paths, calibration.cameras, strict=True):
         write_text(path, camera_info_text(camera))
     return paths
@@ -116,32 +123,44 @@ def read_camera_info_yaml(path: Path) -> tuple[str, Intrinsics]:
     InputError
         The file cannot be read, or an entry is missing or unusable; the message names it.
     """
+    name, fields = read_camera_info_fields(path)
+    return name, lens(fields, rectified=False, topic=str(path))
+
+
+def read_camera_info_fields(path: Path) -> tuple[str, CameraInfoFields]:
+    """Read the camera's name and its CameraInfo; parameters and errors as above.
+
+    Raises
+    ------
+    InputError
+        As of `read_camera_info_yaml`.
+    """
     top = Entry(read_yaml(path), str(path), ": ")
     roi = top.get("roi", {})
-    sides = ("x_offset", "y_offset", "width", "height")
-    try:
-        lens = intrinsics_from_camera_info(
-            width=top.get("image_width").count(),
-            height=top.get("image_height").count(),
-            distortion_model=top.get("distortion_model", LensModel.PLUMB_BOB.value).text(),
-            d=_numbers(top.get("distortion_coefficients")),
-            k=_numbers(top.get("camera_matrix")),
-            r=_numbers(top.get("rectification_matrix")),
-            p=_numbers(top.get("projection_matrix")),
-            binning_x=top.get("binning_x", 0).count(),
-            binning_y=top.get("binning_y", 0).count(),
-            roi=tuple(roi.get(side, 0).count() for side in sides),  # type: ignore[arg-type]
-            rectified=False,
-        )
-    except InputError as error:
-        raise InputError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
-    name = top.get("camera_name", "unknown").name()
-    return name, require_lens(lens, str(path)) if lens.known else lens
+    x, y, width, height = (
+        roi.get(side, 0).count() for side in ("x_offset", "y_offset", "width", "height")
+    )
+    fields = CameraInfoFields(
+        width=top.get("image_width").count(),
+        height=top.get("image_height").count(),
+        distortion_model=top.get("distortion_model", LensModel.PLUMB_BOB.value).text(),
+        d=_numbers(top.get("distortion_coefficients")),
+        k=_numbers(top.get("camera_matrix")),
+        r=_numbers(top.get("rectification_matrix")),
+        p=_numbers(top.get("projection_matrix")),
+        binning_x=top.get("binning_x", 0).count(),
+        binning_y=top.get("binning_y", 0).count(),
+        roi=(x, y, width, height),
+    )
+    given = lens(fields, rectified=False, topic=str(path))
+    if given.known:
+        require_lens(given, str(path))
+    return top.get("camera_name", "unknown").name(), fields
 
 
-def _numbers(entry: Entry) -> list[float]:
+def _numbers(entry: Entry) -> tuple[float, ...]:
     rows, cols = entry.get("rows").count(), entry.get("cols").count()
-    values: list[float] = entry.get("data").numbers().tolist()
-    if len(values) != rows * cols:
-        raise InputError(f"{entry.path}.data: expected {rows} x {cols} numbers, got {len(values)}")
-    return values
+    values = entry.get("data").numbers()
+    if values.size != rows * cols:
+        raise InputError(f"{entry.path}.data: expected {rows} x {cols} numbers, got {values.size}")
+    return tuple(values.tolist())

@@ -22,20 +22,23 @@ class LensSettings:
     Attributes
     ----------
     knowledge : LensKnowledge or None
-        What the intrinsics are worth; None: as `Options.intrinsics` has it, and ``REFINE`` where
-        the field of view is given and they are not known.
+        What the intrinsics are worth; None: as `Options.intrinsics` has it, but ``GIVEN`` where
+        `info` is given, and ``REFINE`` where the field of view is and they are not known.
     group : str
         Cameras of one group that is not empty have one lens.
     field_of_view_deg : float or None
         Horizontal field of view by a data sheet, where CameraInfo has no K.
     image_size : (int, int) or None
         Width and height of the image, px, where there is no CameraInfo.
+    info : CameraInfoFields or None
+        Takes the place of CameraInfo, but for binning and region of interest.
     """
 
     knowledge: LensKnowledge | None = None
     group: str = ""
     field_of_view_deg: float | None = None
     image_size: tuple[int, int] | None = None
+    info: CameraInfoFields | None = None
 
 
 LENS_KEYS = ("intrinsics", "lens_group", "field_of_view_deg", "image_size")
@@ -121,7 +124,7 @@ def require_lens_groups(settings: Mapping[str, LensSettings]) -> None:
 def info_with_size(
     info: CameraInfoFields | None, settings: LensSettings, what: str
 ) -> CameraInfoFields | None:
-    """Return the CameraInfo of a camera with the size of the image, which a setting may give.
+    """Return the CameraInfo of a camera, with what settings say in its place.
 
     Parameters
     ----------
@@ -134,21 +137,23 @@ def info_with_size(
     Raises
     ------
     InputError
-        CameraInfo has another size.
+        CameraInfo is for an image of another size than settings say.
     """
-    if settings.image_size is None:
+    given, size = settings.info, settings.image_size
+    if size is None and given is not None:
+        size = given.width, given.height
+    if size is None:
         return info
-    width, height = settings.image_size
     if info is None:
-        return fields_of_lens(unknown_intrinsics(width, height))
-    if not info.width and not info.height:
-        return info._replace(width=width, height=height)
-    if (info.width, info.height) != settings.image_size:
+        return given or fields_of_lens(unknown_intrinsics(*size))
+    if (info.width, info.height) not in (size, (0, 0)):
         raise InputError(
-            f"{what}: image_size is {width} x {height}, but CameraInfo has {info.width} x "
-            f"{info.height}; leave image_size out"
+            f"{what}: its image is to have {size[0]} x {size[1]} px, but CameraInfo has "
+            f"{info.width} x {info.height}; give those, or leave them out"
         )
-    return info
+    if given is None:
+        return info._replace(width=size[0], height=size[1])
+    return given._replace(binning_x=info.binning_x, binning_y=info.binning_y, roi=info.roi)
 
 
 def lens_of_settings(
@@ -167,7 +172,8 @@ def lens_of_settings(
         Begins the warning.
     """
     if settings.field_of_view_deg is None:
-        return lens, settings.knowledge
+        known = LensKnowledge.GIVEN if settings.info is not None and lens.known else None
+        return lens, settings.knowledge or known
     if lens.known:
         warn(f"{what}: field_of_view_deg is not used, since CameraInfo has a lens")
         return lens, settings.knowledge

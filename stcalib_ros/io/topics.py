@@ -16,6 +16,7 @@ from stcalib_ros.io.lens_settings import (
     require_lens_groups,
 )
 from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, Content, types_of
+from stcalib_ros.io.messages import CameraInfoFields
 
 _NO_LENS = LensSettings()
 
@@ -53,13 +54,19 @@ class CameraSelection:
         }
         return replace(self, camera={**self.camera, **changed})
 
-    def with_lens_knowledge(self, knowledge: Mapping[str, LensKnowledge]) -> CameraSelection:
-        """The same with what intrinsics are worth by name of camera; it takes precedence."""
-        changed = {}
-        for name, worth in knowledge.items():
-            own = self.camera.get(name, CameraTopics())
-            changed[name] = replace(own, lens=replace(own.lens, knowledge=worth))
-        return replace(self, camera={**self.camera, **changed})
+    def with_lens(
+        self,
+        name: str,
+        *,
+        knowledge: LensKnowledge | None = None,
+        info: CameraInfoFields | None = None,
+    ) -> CameraSelection:
+        """The same with what is said of the lens of a camera, which takes precedence."""
+        own = self.camera.get(name, CameraTopics())
+        lens = replace(
+            own.lens, knowledge=knowledge or own.lens.knowledge, info=info or own.lens.info
+        )
+        return replace(self, camera={**self.camera, name: replace(own, lens=lens)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +192,8 @@ def select_cameras(
         own = selection.camera.get(name, CameraTopics())
         pose_topic = pose_topics[name]
         info_topic = own.info_topic or pose_topic.rpartition("/")[0] + "/camera_info"
-        if own.info_topic or own.lens.image_size is None or info_topic in types_by_topic:
+        without = own.lens.image_size is not None or own.lens.info is not None
+        if own.info_topic or not without or info_topic in types_by_topic:
             _require_type(types_by_topic, info_topic, Content.INTRINSICS, f"camera {name}")
         cameras.append(
             SelectedCamera(

@@ -80,7 +80,7 @@ class Buffers:
         """Say what the CameraInfo of cameras is worth whose parameters do not."""
         with self._lock:
             for buffer in self._buffers.values():
-                buffer.default = default
+                buffer.lens.default = default
 
     def counts(self) -> dict[str, Counts]:
         """State of every camera."""

@@ -12,34 +12,12 @@ import numpy as np
 
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.lifting.keypoint_checks import has_enough, keypoint_fault
-from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.rejection import Rejection
-from stcalib_ros.core.model.rejection_text import sentence
-from stcalib_ros.io.lens_settings import info_with_size
-from stcalib_ros.io.messages import (
-    NS,
-    CameraInfoFields,
-    PoseImage,
-    camera_info_fields,
-    pose_image,
-)
+from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage, pose_image
 from stcalib_ros.io.topics import SelectedCamera
-from stcalib_ros.ros.lens_input import (
-    DriverImage,
-    image_alone,
-    knowledge_of,
-    lens_change,
-    lens_problem,
-    missing_lens,
-    require_info_bounds,
-)
-from stcalib_ros.ros.limits import (
-    LENS_QUIET_S,
-    MAX_CHECKED_IMAGES,
-    MAX_LINE,
-    MAX_OTHER_LENSES,
-    MAX_TEXT,
-)
+from stcalib_ros.ros.lens_follower import LensChange, LensFollower
+from stcalib_ros.ros.lens_input import DriverImage
+from stcalib_ros.ros.limits import MAX_CHECKED_IMAGES, MAX_LINE, MAX_TEXT
 from stcalib_ros.ros.streams import Follower, Limits
 
 Warn = Callable[[str, str], object]
@@ -101,72 +79,42 @@ class Counts:
     no_lens: Rejection | None = None
 
 
-@dataclass(slots=True)
-class _OtherLens:
-    """A CameraInfo that differs from the one in force.
-
-    Attributes
-    ----------
-    since_s : float
-        When it was first received.
-    newest_ns : int
-        Newest stamp of the images then.
-    n : int
-        How often it was received.
-    """
-
-    since_s: float
-    newest_ns: int
-    n: int = 0
-
-
 class CameraBuffer:
     """Images and CameraInfo of one camera; what others send on its topics does not empty it.
 
-    Images are followed by a `stcalib_ros.ros.streams.Follower`. Another CameraInfo than the one in
-    force counts when the latter has not come for `LENS_QUIET_S`: a driver that was configured anew
-    repeats its new one, or has latched it. Images since then are those of the new lens. Of a lens
-    that is estimated, only the image counts: a driver that takes over what was found changes
-    nothing.
+    Images are followed by a `stcalib_ros.ros.streams.Follower`, CameraInfo by a
+    `stcalib_ros.ros.lens_follower.LensFollower`: images since it has changed are those of the new
+    lens.
 
     Attributes
     ----------
-    default : LensKnowledge
-        What the CameraInfo is worth, if the camera's parameters do not say.
+    lens : LensFollower
     """
 
     def __init__(self, camera: SelectedCamera, limits: Limits, warn: Warn, clock: Clock) -> None:
         self.camera, self.limits = camera, limits
-        self.default = LensKnowledge.GIVEN
-        self._published: CameraInfoFields | None = None
+        self.lens = LensFollower(camera, clock)
         self._warn, self._clock = warn, clock
         self._follower = Follower(limits)
-        self._others: dict[CameraInfoFields, _OtherLens] = {}
         self._arrived: float | None = None
         self._dropped_at_s = -math.inf
         self._received = self._dropped = self._flushes = 0
         self._last_problem = ""
 
     @property
-    def knowledge(self) -> LensKnowledge:
-        """What the CameraInfo is worth."""
-        return knowledge_of(self.camera.lens, self.default)
-
-    @property
     def info(self) -> CameraInfoFields | None:
-        """What there is to calibrate with; None if not even the size of the image is known."""
-        info = self._sized
-        return None if info is None else self._used(info)
+        """What there is of the lens; None if not even the size of the image is known."""
+        return self.lens.info
 
     @property
     def no_lens(self) -> Rejection | None:
         """Why the camera cannot be calibrated by what there is; None also if there is nothing."""
-        return None if (info := self.info) is None else self._missing(info)
+        return self.lens.missing(self.driver_image.rectified)
 
     @property
     def driver_image(self) -> DriverImage:
         """Which image the keypoints are in."""
-        return DriverImage(self._sized, bool(self.images) and self.images[-1].rectified)
+        return DriverImage(self.lens.published, bool(self.images) and self.images[-1].rectified)
 
     @property
     def images(self) -> Sequence[PoseImage]:
@@ -200,62 +148,28 @@ class CameraBuffer:
         self._drop(why)
 
     def add_info(self, message: Any) -> None:
-        """Take in a message as ``CameraInfo``; a change empties the buffer."""
-        topic = self.camera.info_topic
+        """Take in a message as ``CameraInfo``; a change empties the buffer.
+
+        The pose messages say which image it is of, the raw or the rectified one; before the first
+        of them, either will do.
+        """
+        rectified = (self.images[-1].rectified,) if self.images else (False, True)
+        newest_ns = self.images[-1].stamp_ns if self.images else 0
         try:
-            require_info_bounds(message, topic)
-            info = camera_info_fields(message)
-            self._require_lens(info)
+            news = self.lens.take(message, rectified, newest_ns)
         except (InputError, ValueError, TypeError) as error:
             self._drop(str(error))
             return
-        if self._continues(info):
-            self._published = info
-            self._drop_lenses()
-            return
-        self._note_other(info)
+        self._count_dropped(news.dropped)
+        self._last_problem = news.problem or self._last_problem
+        if news.waiting:
+            self._warn("lens", news.waiting)
         self.settle()
 
     def set_limits(self, limits: Limits) -> None:
         """Change the bounds; what they do not allow any more is discarded."""
         self.limits = limits
         self._follower.set_limits(limits)
-
-    def _require_lens(self, info: CameraInfoFields) -> None:
-        """Demand what can describe the image that the keypoints are in: the raw or rectified one.
-
-        The pose messages say which; before the first of them, either will do.
-        """
-        topic = self.camera.info_topic
-        used = self._used(info_with_size(info, self.camera.lens, topic) or info)
-        choices = (self.images[-1].rectified,) if self.images else (False, True)
-        problems = [lens_problem(used, rectified, topic) for rectified in choices]
-        if all(problems):
-            raise InputError(problems[0])
-        has_lens = self._published is not None and self.no_lens is None
-        if has_lens and (why := self._missing(used)) is not None:
-            raise InputError(f"{topic}: {sentence(why)}")
-
-    def _missing(self, info: CameraInfoFields) -> Rejection | None:
-        """Return why the camera cannot be calibrated by a CameraInfo."""
-        name, settings, rectified = self.camera.name, self.camera.lens, self.driver_image.rectified
-        return missing_lens(name, info, settings, self.knowledge, rectified=rectified)
-
-    def _continues(self, info: CameraInfoFields) -> bool:
-        """Whether a CameraInfo is the first one, the same, or has the lens that was lacking."""
-        before = self._published
-        if before is None or self._used(info) == self._used(before):
-            return True
-        return self.no_lens is not None and image_alone(info) == image_alone(before)
-
-    @property
-    def _sized(self) -> CameraInfoFields | None:
-        """What is published, with the size of the image if the parameters give it."""
-        return info_with_size(self._published, self.camera.lens, self.camera.info_topic)
-
-    def _used(self, info: CameraInfoFields) -> CameraInfoFields:
-        """Return what of a CameraInfo is used."""
-        return image_alone(info) if self.knowledge is LensKnowledge.UNKNOWN else info
 
     def settle(self) -> None:
         """Take over a change that has proved to be one by now."""
@@ -265,8 +179,8 @@ class CameraBuffer:
             self._count_dropped(dropped)
             if why:
                 self._flushed(f"{self.camera.pose_topic}: {why}")
-        if self._others:
-            self._settle_lens(now_s)
+        if (new := self.lens.settle()) is not None:
+            self._take_lens(new)
 
     def counts(self) -> Counts:
         """State for diagnostics."""
@@ -325,39 +239,14 @@ class CameraBuffer:
             self._count_dropped(dropped)
             self._warn("dropped", f"{topic}: {dropped} images that were set aside are dropped")
 
-    def _note_other(self, info: CameraInfoFields) -> None:
-        if info not in self._others:
-            if len(self._others) == MAX_OTHER_LENSES:
-                del self._others[min(self._others, key=lambda i: self._others[i].n)]
-                self._count_dropped(1)
-            newest_ns = self.images[-1].stamp_ns if self.images else 0
-            self._others[info] = _OtherLens(self._clock(), newest_ns)
-            why = lens_change(self.camera.info_topic, self._published, info)
-            self._warn("lens", f"{why} (waiting to see whether it lasts)")
-        self._others[info].n += 1
-
-    def _settle_lens(self, now_s: float) -> None:
-        info = max(self._others, key=lambda i: (self._others[i].n, self._others[i].since_s))
-        other = self._others[info]
-        if now_s - other.since_s < LENS_QUIET_S:
-            return
-        before, self._published, self._others = self._published, info, {}
-        why = lens_change(self.camera.info_topic, before, info)
-        estimated = self.knowledge is not LensKnowledge.GIVEN
-        if estimated and before is not None and image_alone(before) == image_alone(info):
-            self._warn("lens", f"{why}; it is refined from there on")
+    def _take_lens(self, change: LensChange) -> None:
+        if change.until_ns is None:
+            self._warn("lens", change.why)
             return
         had_images = bool(self.images)
-        self._follower.forget(other.newest_ns)
+        self._follower.forget(change.until_ns)
         if had_images:
-            self._flushed(why)
-
-    def _drop_lenses(self) -> None:
-        if self._others:
-            self._count_dropped(len(self._others))
-            other = next(iter(self._others))
-            self._last_problem = lens_change(self.camera.info_topic, self._published, other)
-            self._others.clear()
+            self._flushed(change.why)
 
     def _flushed(self, why: str) -> None:
         self._flushes += 1

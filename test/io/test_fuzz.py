@@ -11,6 +11,7 @@ import random
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,12 @@ from fuzzing import attack, both, corpus, of_bytes, of_tree, taken, to_json
 
 from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
 from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io import npz_files
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.bag_writer import write_bag
+from stcalib_ros.io.camera_info_yaml import camera_info_text, read_camera_info_yaml
 from stcalib_ros.io.config import read_config
 from stcalib_ros.io.convert import convert_npz
 from stcalib_ros.io.datasets import DatasetOptions, read_dataset
@@ -38,9 +41,19 @@ from stcalib_ros.ros.parameters import settings_from
 ROOT = Path(__file__).parents[2]
 Folder = Path
 
-TRUTH = simulate(SceneOptions(n_cameras=3, n_people=2, n_frames=4)).truth
+SIMULATED = simulate(SceneOptions(n_cameras=3, n_people=2, n_frames=4)).truth
+ESTIMATED = replace(
+    SIMULATED.cameras[1],
+    lens_knowledge=LensKnowledge.UNKNOWN,
+    lens_stddev=LensStddev(2.0, 3.0, 4.0, (0.01,)),
+)
+TRUTH = replace(SIMULATED, cameras=(SIMULATED.cameras[0], ESTIMATED, SIMULATED.cameras[2]))
 CONFIG = ROOT / "config" / "calibrate.yaml"
-CAMERA_ENTRY = {"cam0": {"pose_topic": "/a", "info_topic": "/b", "line_time_s": 1e-5}}
+LENS_ENTRY = {"intrinsics": "refine", "field_of_view_deg": 90, "image_size": [640, 480]}
+CAMERA_ENTRY = {
+    "cam0": {"pose_topic": "/a", "info_topic": "/b", "line_time_s": 1e-5, "lens_group": "x"},
+    "cam1": {**LENS_ENTRY, "lens_group": "x"},
+}
 DISTANCES = "[{cameras: [cam0, cam1], metres: 3.42, sigma_m: 0.01}]"
 OPENCV = """%YAML:1.0
 ---
@@ -74,6 +87,16 @@ def config(folder: Folder) -> Callable[[bytes], object]:
     def door(data: bytes) -> object:
         (folder / "c.yaml").write_bytes(data)
         return read_config(folder / "c.yaml")
+
+    return door
+
+
+def camera_info(folder: Folder) -> Callable[[bytes], object]:
+    def door(data: bytes) -> object:
+        (folder / "c.yaml").write_bytes(data)
+        name, lens = read_camera_info_yaml(folder / "c.yaml")
+        again = replace(TRUTH.cameras[0], name=name, intrinsics=lens)
+        return camera_info_text(again)
 
     return door
 
@@ -234,6 +257,9 @@ def mutants(name: str, rng: random.Random) -> Iterator[bytes]:
     if name == "result":
         seeds = [result_text(TRUTH).encode()]
         tree = yaml.safe_load(seeds[0])
+    elif name == "camera_info":
+        seeds = [camera_info_text(TRUTH.cameras[0]).encode()]
+        tree = yaml.safe_load(seeds[0])
     elif name == "config":
         tree = yaml.safe_load(CONFIG.read_text()) | {"cameras": ["a"], "camera": CAMERA_ENTRY}
         seeds = [CONFIG.read_bytes(), yaml.safe_dump(tree).encode()]
@@ -243,6 +269,7 @@ def mutants(name: str, rng: random.Random) -> Iterator[bytes]:
 DOORS = {
     "result": result,
     "config": config,
+    "camera_info": camera_info,
     "parameter": parameter,
     "npz": npz,
     "json": rig_or_data_set,
@@ -279,6 +306,7 @@ def test_the_doors_take_what_is_good(tmp_path: Path) -> None:
     good = {
         "result": result_text(TRUTH).encode(),
         "config": CONFIG.read_bytes(),
+        "camera_info": camera_info_text(TRUTH.cameras[0]).encode(),
         "parameter": DISTANCES.encode(),
         "npz": archive(),
     }

@@ -103,7 +103,7 @@ def test_the_size_of_the_image_is_enough(tmp_path: Path, info: dict[str, Any]) -
 
 def test_a_size_that_contradicts_camera_info(tmp_path: Path) -> None:
     text = "camera: {cam0: {image_size: [800, 600]}}"
-    with pytest.raises(InputError, match=r"cam0: image_size is 800 x 600, .* has 640 x 480; leave"):
+    with pytest.raises(InputError, match=r"cam0: .* to have 800 x 600 px, .* has 640 x 480; give"):
         read(tmp_path, text)
 
 

@@ -193,10 +193,11 @@ def test_a_camera_info_gives_the_lens_of_its_numbers(model, rectified):
     np.testing.assert_array_equal(given.R_rect_cam, expected.R_rect_cam)
 
 
-def test_of_a_camera_that_is_not_calibrated_the_size_is_known():
+@pytest.mark.parametrize("rectified", [False, True])
+def test_of_an_uncalibrated_camera_only_the_size_of_the_image_is_known(rectified):
     info = camera_info_fields(through_cdr(CameraInfo(width=LENS.width, height=LENS.height)))
-    given = lens(info, rectified=False, topic="/cam7/camera_info")
-    assert (given.known, given.width, given.height) == (False, LENS.width, LENS.height)
+    unknown = lens(info, rectified=rectified, topic="/cam7/camera_info")
+    assert (unknown.known, unknown.width, unknown.height) == (False, LENS.width, LENS.height)
 
 
 def test_poses_become_the_same_arrays():

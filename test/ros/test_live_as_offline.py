@@ -19,9 +19,11 @@ from stcalib_ros.ros.intake import Intake
 from stcalib_ros.ros.load import Meter
 from stcalib_ros.ros.streams import Limits
 
-FISHEYE = {"distortion_model": "double_sphere", "d": [0.1] * 6, "k": [0.0] * 9}
-"""K and D that nobody here understands beside a P that is all that rectified images need."""
+FISHEYE = {"distortion_model": "double_sphere", "d": [0.1] * 6}
+"""D that nobody here understands beside a P that is all that rectified images need."""
+NO_K = {"k": [0.0] * 9}
 NO_P = {"p": [0.0] * 12}
+BAD_P = {"p": [-1.0] * 12}
 
 
 def bag_of(folder: Path, *, rectified: bool, **changes: object) -> Path:
@@ -63,7 +65,18 @@ def test_the_same_messages_give_the_same_recording(tmp_path, rectified, changes,
 
 
 @pytest.mark.parametrize("info_last", [False, True])
-@pytest.mark.parametrize(("rectified", "changes"), [(False, FISHEYE), (True, NO_P)])
+@pytest.mark.parametrize(("rectified", "changes"), [(False, FISHEYE | NO_K), (True, NO_P)])
+def test_without_a_lens_the_size_of_the_image_is_the_same(tmp_path, rectified, changes, info_last):
+    bag = bag_of(tmp_path, rectified=rectified, **changes)
+    buffers, ear = received(bag, info_last=info_last)
+    assert ear.lines == []
+    live, offline = recorded(buffers), read_bag(bag)
+    assert_same(live, offline)
+    assert not live.cameras[0].intrinsics.known
+
+
+@pytest.mark.parametrize("info_last", [False, True])
+@pytest.mark.parametrize(("rectified", "changes"), [(False, FISHEYE), (True, BAD_P)])
 def test_the_same_messages_are_refused(tmp_path, rectified, changes, info_last):
     bag = bag_of(tmp_path, rectified=rectified, **changes)
     with pytest.raises(InputError) as offline:

@@ -200,10 +200,16 @@ def test_time_that_starts_again_is_followed(turned):
 
 def test_images_that_cannot_be_read_are_no_alarm(quiet):
     live = Live(quiet)
-    live.all = tuple(replace(c, info=c.info._replace(k=(0.0,) * 9)) for c in live.all)
+    live.all = tuple(replace(c, info=c.info._replace(distortion_model="other")) for c in live.all)
     assert live.play() == []
     live.watcher.begin(None)
     assert live.play() == []
+
+
+def test_drivers_that_have_lost_their_calibration_are_no_alarm(quiet):
+    live = Live(quiet)
+    live.all = tuple(replace(c, info=c.info._replace(k=(0.0,) * 9)) for c in live.all)
+    assert {verdict.state for verdict in live.play()} == {State.OK}
 
 
 def test_an_error_in_the_examination_is_said_and_the_watch_goes_on(quiet, monkeypatch):

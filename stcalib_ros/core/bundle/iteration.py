@@ -105,6 +105,9 @@ class Iteration:
         None where no jitter of the timestamps is observable.
     line_delays : LineDelays or None
         None where they were not estimated.
+    lens_stddev : (5, C) ndarray or None
+        Standard deviations of the corrections of the lenses; 0 of what was not estimated. None
+        where all lenses are given, and before they are known.
     uncorrected : Iteration or None
         The round before the keypoints were corrected for their biases; None where they were not.
     """
@@ -119,6 +122,7 @@ class Iteration:
     clock_skews: ClockSkews | None = None
     timestamp_errors: TimestampErrors | None = None
     line_delays: LineDelays | None = None
+    lens_stddev: Float64Array | None = None
     uncorrected: Iteration | None = None
 
     def with_state(self, observations: Observations, state: BundleState) -> Iteration:

@@ -26,6 +26,8 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from stcalib_ros.core.bundle.covariance import JointCovariance, publication, with_known_distance
 from stcalib_ros.core.bundle.gauge import camera_centres
+from stcalib_ros.core.bundle.lens_unknowns import layout_of
+from stcalib_ros.core.bundle.lenses import FOCAL, N_CORRECTIONS, RADIAL, Lenses
 from stcalib_ros.core.bundle.levenberg_marquardt import PointProblem
 from stcalib_ros.core.bundle.observations import Observations
 from stcalib_ros.core.bundle.parameters import (
@@ -51,6 +53,9 @@ _LEAST_ACCELERATION = 1e-3
 """Fraction of the largest mean square acceleration of a joint: joints that hardly move still have
 a finite prior. Numerical."""
 
+_HALF_NORMAL = float(np.sqrt(2.0 / np.pi))
+"""Mean size of an error over its standard deviation, if it has a Gaussian distribution."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueViews:
@@ -68,6 +73,9 @@ class TrueViews:
     seen : tuple of (T_c, P, J) ndarray of bool
     sigma_px : float
         Noise of an image point, per axis.
+    lenses : Lenses or None
+        True lenses; those of their corrections that are free are unknowns, with what is known of
+        them. Default: pinhole lenses that are known.
     """
 
     R_cam_ref: Float64Array
@@ -76,6 +84,7 @@ class TrueViews:
     times_s: tuple[Float64Array, ...]
     observed: tuple[BoolArray, ...]
     sigma_px: float
+    lenses: Lenses | None = None
 
     @property
     def centres(self) -> Float64Array:
@@ -111,10 +120,13 @@ class CramerRaoBound:
         and the first baseline are fixed.
     rate_stddev : (C,) ndarray
         Of the clock rates; NaN where they count as known.
+    lens_stddev : (5, C) ndarray
+        Of the corrections of the lenses; NaN where they count as known.
     """
 
     covariance: Float64Array
     rate_stddev: Float64Array
+    lens_stddev: Float64Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +136,8 @@ class ExpectedErrors:
     E_R: float
     E_t: float
     E_delta_s: float
+    E_f: float
+    E_k1: float
 
 
 def free_point_bound(views: TrueViews, path: Path, *, rates: bool = False) -> CramerRaoBound:
@@ -141,7 +155,7 @@ def free_point_bound(views: TrueViews, path: Path, *, rates: bool = False) -> Cr
     layout = _layout(views, rates=rates)
     weighted = replace(obs, focal=obs.focal / views.sigma_px)
     problem = PointProblem(weighted, state, np.inf, layout)
-    H = np.zeros((layout.size, layout.size))
+    H = np.diag(layout.prior(state.cameras)[0])
     for _, at in problem.linearised():
         H += at.reduce(problem.scale, 0.0)[0].H
     return _bound(views, H, layout)
@@ -149,7 +163,8 @@ def free_point_bound(views: TrueViews, path: Path, *, rates: bool = False) -> Cr
 
 def _layout(views: TrueViews, *, rates: bool) -> ParameterLayout:
     C = len(views.times_s)
-    return ParameterLayout(C).with_unknown(CLOCK_SKEW, np.full(C, rates))
+    layout = layout_of(C, views.lenses, synchronised=False)
+    return layout.with_unknown(CLOCK_SKEW, np.full(C, rates))
 
 
 def spline_bound(views: TrueViews, path: Path, *, rates: bool = False) -> CramerRaoBound:
@@ -190,6 +205,7 @@ def expected_errors(
         float(np.linalg.norm(turn, axis=-1).mean()),
         float(np.sqrt((centre**2).sum(-1).mean(-1)).mean()),
         float(np.abs(offset).mean()),
+        *(float(_HALF_NORMAL * np.mean(floor.lens_stddev[row])) for row in (FOCAL, RADIAL)),
     )
 
 
@@ -211,25 +227,36 @@ def true_problem(views: TrueViews, path: Path) -> tuple[Observations, BundleStat
     X, V, A = (one.swapaxes(0, 1).reshape(P * K, J, 3) for one in (X, V, A))
     used = seen.transpose(2, 0, 1, 3).reshape(P * K, C, J)
     rows = used.any((1, 2))
-    focal = np.broadcast_to(views.focal_px[:, None], used.shape).copy()
     obs = Observations(
         person,
         time_bin,
         np.where(used.any(-1), person[:, None], -1),
         np.tile(phi, (P, 1)),
         np.zeros((*used.shape, 2)),
-        focal,
+        np.ones(used.shape),
         used,
         views.start_s,
         step,
         middle_s=views.middle_s,
+        lenses=views.lenses,
     ).only(rows)
     state = BundleState(
-        views.R_cam_ref, views.t_cam_ref, np.zeros(C), X[rows], V[rows], A[rows], used[rows]
+        *(views.R_cam_ref, views.t_cam_ref, np.zeros(C), X[rows], V[rows], A[rows], used[rows]),
+        lenses=views.lenses,
     )
     Y = camera_points(obs, state)
     x = np.where(obs.observed[..., None], Y[..., :2] / Y[..., 2:], 0.0)
-    return replace(obs, x=x), state
+    focal = np.where(obs.observed, _pixels_per_unit(views, x), 1.0)
+    return replace(obs, x=x, focal=focal), state
+
+
+def _pixels_per_unit(views: TrueViews, x: Float64Array) -> Float64Array:
+    """Pixels per unit (..., C, P) of the plane z = 1 at points x (..., C, P, 2)."""
+    focal = np.broadcast_to(views.focal_px[:, None], x.shape[:-1])
+    if views.lenses is None:
+        return focal
+    at = views.lenses.profile.at(np.linalg.norm(x, axis=-1))
+    return np.asarray(focal * np.sqrt(at.gain * at.slope))
 
 
 def _spline_equations(
@@ -248,13 +275,13 @@ def _spline_equations(
     P, J = views.observed[0].shape[1:]
     position = [(t - views.start_s) / views.step_s for t in views.times_s]
     K = 4 + max(int(p[-1]) for p in position)
-    H = np.zeros((layout.size, layout.size))
+    H = np.diag(layout.prior(_cameras(views))[0])
     W = np.zeros((K, P * J, 3, layout.size))
     N = np.zeros((4, K, P * J, 3, 3))
     for c, at in enumerate(position):
         by_camera, by_joint = _derivatives(views, path, c, layout)
         own = layout.of_camera(c)
-        H[own, own] = np.einsum("tpra,tprb->ab", by_camera, by_camera, optimize=True)
+        H[own, own] += np.einsum("tpra,tprb->ab", by_camera, by_camera, optimize=True)
         W[..., own] = summed(at, K, basis(at), by_joint.swapaxes(-1, -2) @ by_camera)
         N += summed_squares(at, K, by_joint.swapaxes(-1, -2) @ by_joint)
     N += _prior(views, path, K)
@@ -272,9 +299,16 @@ def _derivatives(
     R, times = views.R_cam_ref[c], views.times_s[c]
     X, V = (path(times, n).reshape(-1, 3) for n in range(2))
     T, m = len(times), len(X) // len(times)
-    camera = Cameras(R[None], views.t_cam_ref[c : c + 1], np.zeros(1))
+    camera = _cameras(views).only(c)
     since = np.repeat(times - views.middle_s, m)[None]
-    focal = views.observed[c].reshape(1, -1) * views.focal_px[c] / views.sigma_px
+    Y = X @ R.T + views.t_cam_ref[c]
+    own = replace(
+        views,
+        focal_px=views.focal_px[c : c + 1],
+        lenses=None if views.lenses is None else views.lenses.only(c),
+    )
+    focal = _pixels_per_unit(own, (Y[:, :2] / Y[:, 2:])[None])
+    focal = views.observed[c].reshape(1, -1) * focal / views.sigma_px
     at = Projection(
         camera,
         (R @ X.T)[None],
@@ -298,8 +332,7 @@ def _prior(views: TrueViews, path: Path, K: int) -> Float64Array:
 
 def _bound(views: TrueViews, H: Float64Array, layout: ParameterLayout) -> CramerRaoBound:
     """The bound of normal equations of the unknowns of a layout."""
-    C = layout.n_cameras
-    cameras = Cameras(views.R_cam_ref, views.t_cam_ref, np.zeros(C))
+    C, cameras = layout.n_cameras, _cameras(views)
     P = layout.inverse(H, cameras)
     names = tuple(str(c) for c in range(C))
     joint = JointCovariance(names, layout, P, publication(cameras, layout))
@@ -307,7 +340,17 @@ def _bound(views: TrueViews, H: Float64Array, layout: ParameterLayout) -> Cramer
     if CLOCK_SKEW in layout.further:
         rate = layout.scalars(CLOCK_SKEW)
         stddev = np.sqrt(P[rate, rate])
+    lens_stddev = np.full((N_CORRECTIONS, C), np.nan)
+    for unknown in layout.further:
+        if unknown.row is not None:
+            own = layout.scalars(unknown)
+            lens_stddev[unknown.row] = np.sqrt(P[own, own])
     covariance = with_known_distance(joint.poses_and_offsets(), views.centres, 0, 1)
     lengths = np.repeat([np.linalg.norm(views.centres[1]), 1.0], [3, 4])
     unit = np.tile(lengths, C)
-    return CramerRaoBound(covariance / np.outer(unit, unit), stddev)
+    return CramerRaoBound(covariance / np.outer(unit, unit), stddev, lens_stddev)
+
+
+def _cameras(views: TrueViews) -> Cameras:
+    C = len(views.t_cam_ref)
+    return Cameras(views.R_cam_ref, views.t_cam_ref, np.zeros(C), lenses=views.lenses)

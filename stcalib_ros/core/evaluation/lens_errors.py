@@ -60,7 +60,7 @@ def lens_error(found: CameraCalibration, true: CameraCalibration) -> LensError:
         focal=_focal_px(ours) / _focal_px(right) - 1.0,
         principal_point_px=float(np.linalg.norm(ours.K[:2, 2] - right.K[:2, 2])),
         radial=tuple(map(float, radial)),
-        ray_rad=_ray_error(ours, right),
+        ray_rad=ray_alignment(ours, right)[1],
     )
 
 
@@ -73,13 +73,24 @@ def _radial(lens: Intrinsics) -> Float64Array:
     return np.pad(lens.D[:_RADIAL], (0, max(0, _RADIAL - len(lens.D))))
 
 
-def _ray_error(estimate: Intrinsics, truth: Intrinsics) -> float:
+def ray_alignment(estimate: Intrinsics, truth: Intrinsics) -> tuple[Float64Array, float]:
+    """Align the rays of the same pixels of two lenses.
+
+    Returns
+    -------
+    R_true_found : (3, 3) ndarray
+        Rotation that turns the rays of the estimate onto the true ones; a principal point that is
+        off is mostly a rotation. The identity where there are no rays in common.
+    rms_rad : float
+        Root mean square angle that is left; NaN where there are none.
+    """
     u, v = np.meshgrid(*(np.linspace(0, n - 1, _GRID) for n in (truth.width, truth.height)))
     pixels = np.stack([u.ravel(), v.ravel()], -1)
     ours, right = (unit_rays(bearings(pixels, lens)[0]) for lens in (estimate, truth))
     both = np.isfinite(ours).all(-1) & np.isfinite(right).all(-1)
     if not both.any():
-        return float("nan")
+        return np.eye(3), float("nan")
     ours, right = ours[both], right[both]
-    turned = ours @ best_rotation(right.T @ ours).T
-    return float(np.sqrt(((turned - right) ** 2).sum(-1).mean()))
+    R_true_found = best_rotation(right.T @ ours)
+    left = ours @ R_true_found.T - right
+    return R_true_found, float(np.sqrt((left**2).sum(-1).mean()))

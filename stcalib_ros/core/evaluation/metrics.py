@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.evaluation.lens_errors import LensError, lens_error
+from stcalib_ros.core.evaluation.lens_errors import LensError, lens_error, ray_alignment
 from stcalib_ros.core.geometry.alignment import umeyama
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.geometry.triangulation import triangulate, unit_rays
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
-from stcalib_ros.core.model.calibration import Calibration, PersonAssociation
+from stcalib_ros.core.model.calibration import (
+    Calibration,
+    CameraCalibration,
+    PersonAssociation,
+)
 
 _MIN_BASELINE = 1e-9
 """Distance of the first two cameras over the largest distance, below which there is no scale: equal
@@ -83,6 +87,9 @@ class Evaluation:
         any.
     lenses : tuple of LensError
         Of the same cameras as `cameras`; with given lenses, how far these are from the true ones.
+    E_R_rays, E_t_rays : float
+        E_R and E_t if every camera is turned so that the rays of its pixels are nearest to those of
+        the true lens: an error of a principal point is mostly a rotation.
     E_f : float
         Mean relative error of the focal lengths that were estimated; NaN without any.
     E_k1 : float
@@ -104,6 +111,8 @@ class Evaluation:
     precision: float
     recall: float
     lenses: tuple[LensError, ...] = ()
+    E_R_rays: float = float("nan")
+    E_t_rays: float = float("nan")
     E_f: float = float("nan")
     E_k1: float = float("nan")
 
@@ -140,14 +149,16 @@ def evaluate(estimate: Calibration, truth: Calibration, *, fps: float | None = N
     ours = _expressed(estimate, names, reference, middle_s)
     right = _expressed(truth, names, reference, middle_s)
     scale, baseline = _scale(ours, right, names)
-    angle = rotation_angle(right.R_ref_cam.swapaxes(1, 2) @ ours.R_ref_cam)
-    away = np.linalg.norm(ours.t_ref_cam / scale - right.t_ref_cam, axis=-1) / baseline
+    angle, away = _pose_errors(ours, right, scale, baseline)
+    pairs = _lens_pairs(estimate, truth, names)
+    by_rays = _turned_by_rays(ours, pairs, names.index(reference))
+    ray_angle, ray_away = _pose_errors(by_rays, right, scale, baseline)
+    lenses = tuple(lens_error(*pair) for pair in pairs)
     centre = _centre_errors(ours.t_ref_cam, right.t_ref_cam)
     offset = ours.offset_s - right.offset_s
     frames = np.full(len(names), np.nan) if fps is None else offset * fps
     others = np.array(names) != reference
     n_matches, precision, recall = match_quality(estimate.persons, truth.persons, names)
-    lenses = _lens_errors(estimate, truth, names)
     rows = zip(names, angle, away, centre, offset, frames, strict=True)
     return Evaluation(
         reference=reference,
@@ -165,6 +176,8 @@ def evaluate(estimate: Calibration, truth: Calibration, *, fps: float | None = N
         precision=precision,
         recall=recall,
         lenses=lenses,
+        E_R_rays=float(ray_angle[others].mean()),
+        E_t_rays=float(np.sqrt(np.mean(ray_away[others] ** 2))),
         E_f=_mean_size([lens.focal for lens in lenses if lens.estimated]),
         E_k1=_mean_size([lens.radial[0] for lens in lenses if lens.estimated]),
     )
@@ -182,15 +195,37 @@ def _common_cameras(estimate: Calibration, truth: Calibration) -> list[str]:
     return names
 
 
+_LensPairs = Sequence[tuple[CameraCalibration, CameraCalibration]]
+"""Of every camera, the estimate and the truth."""
+
+
+def _lens_pairs(estimate: Calibration, truth: Calibration, names: Sequence[str]) -> _LensPairs:
+    found = {camera.name: camera for camera in estimate.cameras}
+    return [(found[true.name], true) for true in truth.cameras if true.name in names]
+
+
+def _turned_by_rays(poses: _Expressed, pairs: _LensPairs, reference: int) -> _Expressed:
+    """Turn cameras in their frames so that the rays of their pixels are those of the true lens."""
+    R = np.stack([ray_alignment(found.intrinsics, true.intrinsics)[0] for found, true in pairs])
+    R_ref = R[reference]
+    return replace(
+        poses,
+        R_ref_cam=R_ref @ poses.R_ref_cam @ R.swapaxes(1, 2),
+        t_ref_cam=poses.t_ref_cam @ R_ref.T,
+    )
+
+
+def _pose_errors(
+    ours: _Expressed, right: _Expressed, scale: float, baseline: float
+) -> tuple[Float64Array, Float64Array]:
+    """Return the errors (C,) of rotations, rad, and of translations, over the first baseline."""
+    angle = rotation_angle(right.R_ref_cam.swapaxes(1, 2) @ ours.R_ref_cam)
+    away = np.linalg.norm(ours.t_ref_cam / scale - right.t_ref_cam, axis=-1) / baseline
+    return angle, away
+
+
 def _mean_size(errors: Sequence[float]) -> float:
     return float(np.mean(np.abs(errors))) if errors else float("nan")
-
-
-def _lens_errors(
-    estimate: Calibration, truth: Calibration, names: Sequence[str]
-) -> tuple[LensError, ...]:
-    found = {camera.name: camera for camera in estimate.cameras}
-    return tuple(lens_error(found[true.name], true) for true in truth.cameras if true.name in names)
 
 
 def match_quality(

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from stcalib_ros.core.bundle.lenses import (
+    CENTRE_X,
+    N_CORRECTIONS,
+    RADIAL,
+    Lenses,
+    focal_length,
+)
 from stcalib_ros.core.evaluation.cramer_rao import TrueViews
+from stcalib_ros.core.geometry.radial import radial_profile
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
-from stcalib_ros.core.model.recording import CameraRecording
+from stcalib_ros.core.model.recording import CameraRecording, Intrinsics
+from stcalib_ros.core.options import LensOptions
 from stcalib_ros.core.synthetic.scene import Scene
 
 
@@ -24,8 +35,16 @@ class ScenePath:
         return np.asarray(turned + rig.t_cam_world[0] if order == 0 else turned)
 
 
-def true_views(scene: Scene) -> TrueViews:
-    """Return true cameras and visibility; joints with left and right exchanged are observed."""
+def true_views(scene: Scene, unknown: LensOptions | None = None) -> TrueViews:
+    """Return true cameras and visibility; joints with left and right exchanged are observed.
+
+    Parameters
+    ----------
+    scene : Scene
+    unknown : LensOptions, optional
+        What is estimated of lenses, and known of their principal points beforehand; nothing is
+        known of the rest. Default: lenses are known.
+    """
     cameras = scene.truth.cameras
     R_cam_ref = np.stack([c.R_ref_cam.T for c in cameras])
     centres = np.stack([c.t_ref_cam for c in cameras])
@@ -36,6 +55,21 @@ def true_views(scene: Scene) -> TrueViews:
         scene.exposures_s,
         tuple(_observed(scene, camera) for camera in scene.recording.cameras),
         scene.options.sigma_px,
+        _lenses([camera.intrinsics for camera in cameras], unknown),
+    )
+
+
+def _lenses(intrinsics: Sequence[Intrinsics], unknown: LensOptions | None) -> Lenses:
+    free: BoolArray = np.zeros((N_CORRECTIONS, len(intrinsics)), dtype=bool)
+    stddev = np.full(free.shape, np.inf)
+    if unknown is not None:
+        free[: RADIAL + unknown.radial_terms] = True
+        stddev[CENTRE_X:RADIAL] = [
+            unknown.principal_point_stddev * lens.width / focal_length(lens) for lens in intrinsics
+        ]
+    own = np.arange(len(intrinsics))
+    return Lenses(
+        tuple(intrinsics), radial_profile(intrinsics), free, np.zeros(free.shape), stddev, own
     )
 
 

@@ -19,6 +19,9 @@ _FARTHEST = 20.0
 """Units of the plane z = 1. No point is further from the axis. Numerical: bounds the search."""
 _WIDEST = 1.4
 """Radians off the axis, 80 degrees: where the search for wider points begins. Numerical."""
+_CONVERGED = 1e-9
+"""Units of the plane z = 1. A smaller last step of Newton's method ends it. Numerical: the error is
+its square."""
 _TINY = 1e-12
 """Units of the plane z = 1. A point at the axis. Numerical: avoids a division by zero."""
 
@@ -73,7 +76,9 @@ class RadialProfile:
         )
         for _ in range(steps):
             at = self.at(r)
-            r = np.clip(r - (at.gain * r - d) / at.slope, 0.0, _FARTHEST)
+            before, r = r, np.clip(r - (at.gain * r - d) / at.slope, 0.0, _FARTHEST)
+            if not (np.abs(r - before) > _CONVERGED).any():
+                break
         return np.asarray(r)
 
 

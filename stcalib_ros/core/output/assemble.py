@@ -9,6 +9,7 @@ import numpy as np
 
 from stcalib_ros.core.bundle.covariance import OFFSET_ROW, PARAMETERS, POSE_ROWS, rows_of
 from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.lenses import CENTRE_X, CENTRE_Y, FOCAL, RADIAL, focal_length
 from stcalib_ros.core.bundle.residuals import errors_px
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.calibration import (
@@ -17,8 +18,9 @@ from stcalib_ros.core.model.calibration import (
     Status,
     UncalibratedCamera,
 )
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
 from stcalib_ros.core.model.lifted import LiftedCamera
-from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rejection import Rejection, Remark
 from stcalib_ros.core.model.rejection_text import labelled, remark_sentence
 from stcalib_ros.core.model.skeleton import Skeleton
@@ -181,6 +183,23 @@ def _camera(
         clock_skew_stddev=clock.stddev,
         line_time_s=camera.line_time_s if lines is None else float(lines.line_s[i]),
         line_time_stddev_s=float("nan") if lines is None else float(lines.stddev_s[i]),
+        lens_knowledge=camera.lens_knowledge or LensKnowledge.GIVEN,
+        lens_stddev=_lens_stddev(camera, last, i),
+    )
+
+
+def _lens_stddev(camera: CameraRecording, last: Iteration, i: int) -> LensStddev | None:
+    """How well the lens of a camera is known; None of one that was given."""
+    if camera.lens_prior is None or last.lens_stddev is None:
+        return None
+    stddev = last.lens_stddev[:, i]
+    focal_px = focal_length(camera.intrinsics)
+    radial = stddev[RADIAL : RADIAL + len(camera.lens_prior.radial)]
+    return LensStddev(
+        focal_px=float(focal_px * stddev[FOCAL]),
+        cx_px=float(focal_px * stddev[CENTRE_X]),
+        cy_px=float(focal_px * stddev[CENTRE_Y]),
+        radial=tuple(float(value) for value in radial),
     )
 
 

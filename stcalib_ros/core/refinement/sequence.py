@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from stcalib_ros.core.bundle.covariance import JointCovariance, information, publication
-from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.iteration import Iteration, absorbed
+from stcalib_ros.core.bundle.lens_unknowns import LENS_UNKNOWNS
 from stcalib_ros.core.bundle.levenberg_marquardt import Motion
+from stcalib_ros.core.bundle.parameters import ParameterLayout
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.lifted import LiftedCamera
@@ -111,10 +115,21 @@ def _covariance(
 def _with_records(
     members: Sequence[LiftedCamera], last: Iteration, joint: JointAdjustment, P: Float64Array
 ) -> Iteration:
-    """The round with its skews and line delays, and how well they are known."""
+    """The round with its skews, line delays and lenses, and how well they are known."""
     skews, delays = joint.skews, joint.delays
     return replace(
-        last,
+        absorbed(last),
+        lens_stddev=_lens_stddev(joint.layout, P) if last.state.lenses is not None else None,
         clock_skews=None if skews is None else clock_skews(last, skews, joint.layout, P),
         line_delays=None if delays is None else line_delays(members, last, delays, joint.layout, P),
     )
+
+
+def _lens_stddev(layout: ParameterLayout, P: Float64Array) -> Float64Array:
+    """Standard deviations (5, C) of the corrections of the lenses."""
+    variance = np.diag(P)
+    rows = [
+        variance[layout.scalars(one)] if one in layout.further else np.zeros(layout.n_cameras)
+        for one in LENS_UNKNOWNS
+    ]
+    return np.asarray(np.sqrt(np.maximum(rows, 0.0)))

@@ -1,14 +1,14 @@
 """Lenses that are not known, by what all pairs of cameras agree on.
 
 The matrix that explains two tracks is a fundamental one: persons and lags are found without the
-focal lengths. That it is an essential one for the right lenses is one or two constraints per pair,
-which are solved together: the relative poses of all pairs and the lenses of all cameras minimize
-the robust Sampson distances and the priors of the lenses.
+focal lengths. That it is an essential one for the right lenses is one or two constraints per pair.
+They are solved together: the relative poses of all pairs and the lenses of all cameras minimize
+the robust Sampson distances, the turns of `rotation_loops`, and the priors of the lenses.
 
-Pairs do not determine everything. Where all optical axes meet in one point, a sphere about it is
-seen in every image as a circle about the principal point, as the absolute conic is, and one factor
-of all focal lengths is free; of two cameras, most is. What is determined is in the covariance; the
-adjustment, which sees points in three and more cameras at once, determines the rest.
+Pairs alone do not determine everything. Where all optical axes meet in one point, spheres about it
+are seen in every image as circles about the principal point, as the absolute conic is, and one
+factor of all focal lengths is free; it is the loops that determine it. Of two cameras, most is
+left to the priors. The standard deviations say so.
 
 References
 ----------
@@ -18,16 +18,14 @@ the self-calibration of cameras and stereo systems with variable focal length", 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stcalib_ros.core.geometry.robust import NOISE_MARGIN
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
-from stcalib_ros.core.registration.limits import (
-    FOCAL_BOUNDS,
-    RADIAL_BOUNDS,
-)
+from stcalib_ros.core.registration.limits import FOCAL_BOUNDS, LOOP_SCALES, RADIAL_BOUNDS
+from stcalib_ros.core.registration.rotation_loops import RotationLoops, rotation_loops
 from stcalib_ros.core.registration.two_view_lenses import (
     OF_PAIR,
     PairPoints,
@@ -39,7 +37,7 @@ from stcalib_ros.core.registration.two_view_lenses import (
 )
 
 _ITERATIONS = 30
-"""Steps at most. Numerical: it converges in about ten, in thirty from very wrong starts."""
+"""Steps at most. Numerical: it converges in about five, in thirty from very wrong starts."""
 _FIRST_DAMPING = 1e-3
 """Factor on the diagonal of the normal equations. Numerical: Levenberg-Marquardt."""
 _MAX_DAMPING = 1e4
@@ -49,8 +47,8 @@ _CONVERGED = 0.05
 unknown by more than a third of its standard deviation."""
 _MAX_LENS_STEP = 0.3
 """Per step, of the logarithm of a focal length and of a radial coefficient. Numerical."""
-_ROUNDS = 2
-"""Rounds with scales of their own. Numerical: those of the first lens are not those of the last."""
+_RIDGE = 1e-9
+"""Ratio to the mean diagonal of the pairs. Numerical: standing people do not determine a lag."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +111,7 @@ class FoundLenses:
 
 
 def search_lenses(points: PairPoints, unknowns: LensUnknowns) -> FoundLenses:
-    """Find the lenses with which all pairs have an essential matrix.
+    """Find the lenses with which all pairs have an essential matrix, and fit together.
 
     Parameters
     ----------
@@ -121,102 +119,112 @@ def search_lenses(points: PairPoints, unknowns: LensUnknowns) -> FoundLenses:
     unknowns : LensUnknowns
     """
     views = first_views(points, unknowns.lenses(unknowns.start))
-    for _ in range(_ROUNDS):
-        scales = robust_scales(points, views)
-        views = _minimized(points, unknowns, views, scales)
-    covariance = np.linalg.inv(_normal_equations(points, unknowns, views, scales).reduced(0.0)[0])
-    return FoundLenses(views, unknowns.steps(np.sqrt(np.diag(covariance))))
-
-
-def _minimized(
-    points: PairPoints, unknowns: LensUnknowns, views: TwoViews, scales: Float64Array
-) -> TwoViews:
-    """Levenberg-Marquardt on poses and lenses."""
-    cost = _cost(points, unknowns, views, scales)
-    damping = _FIRST_DAMPING
-    for _ in range(_ITERATIONS):
-        normal = _normal_equations(points, unknowns, views, scales)
-        while damping < _MAX_DAMPING:
-            trial = _stepped(unknowns, views, normal, damping)
-            trial_cost = _cost(points, unknowns, trial, scales)
-            if trial_cost < cost:
-                break
-            damping *= 10.0
-        else:
-            break
-        gain, views, cost, damping = cost - trial_cost, trial, trial_cost, damping / 5.0
-        if gain < _CONVERGED:
-            break
-    return views
-
-
-def _cost(
-    points: PairPoints, unknowns: LensUnknowns, views: TwoViews, scales: Float64Array
-) -> float:
-    """Negative logarithm of the likelihood and the prior."""
-    loss = np.log1p((distances_px(points, views) / scales[:, None]) ** 2)
-    weighted = _weights(points) * loss * (NOISE_MARGIN**2 / 2.0)
-    return float(weighted.sum()) + unknowns.prior_cost(views.lenses)
-
-
-def _weights(points: PairPoints) -> Float64Array:
-    """Independent measurements (P, M) that each point is worth."""
-    count = np.maximum(points.observed.sum(-1), 1)
-    return np.asarray(points.observed * (points.independent / count)[:, None])
+    loops = rotation_loops(points.a, points.b)
+    for scale in LOOP_SCALES:
+        costs = _Costs(points, unknowns, loops, robust_scales(points, views), scale)
+        views = costs.minimized(views)
+    variance = np.diag(np.linalg.inv(costs.normal_equations(views)[0]))
+    return FoundLenses(views, unknowns.steps(np.sqrt(variance[costs.n_poses :])))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _NormalEquations:
-    """Blocks of the pairs (P, 6, 6), of the lenses (U, U), and between them (P, 6, U)."""
+class _Costs:
+    """Negative logarithm of likelihood and priors.
 
-    H_pair: Float64Array
-    H_both: Float64Array
-    H_lens: Float64Array
-    g_pair: Float64Array
-    g_lens: Float64Array
+    Attributes
+    ----------
+    scales_px : (P,) ndarray
+        Scales of the Cauchy loss on the distances of each pair, px.
+    loop_rad : float
+        Scale of that on the turns of loops, rad.
+    """
 
-    def reduced(self, damping: float) -> tuple[Float64Array, Float64Array, Float64Array]:
-        """Eliminate the pairs: matrix, gradient, and the inverse blocks (P, 6, 6)."""
-        H = self.H_pair.copy()
-        each = range(OF_PAIR)
-        H[:, each, each] *= 1.0 + damping
-        H[:, each, each] += 1e-9 * np.trace(H, axis1=1, axis2=2)[:, None]
-        inverse = np.linalg.inv(H)
-        across = np.swapaxes(self.H_both, -1, -2) @ inverse
-        S = self.H_lens + damping * np.diag(np.diag(self.H_lens)) - (across @ self.H_both).sum(0)
-        return S, self.g_lens - (across @ self.g_pair[..., None])[..., 0].sum(0), inverse
+    points: PairPoints
+    unknowns: LensUnknowns
+    loops: RotationLoops
+    scales_px: Float64Array
+    loop_rad: float
 
+    @property
+    def n_poses(self) -> int:
+        """Unknowns of all pairs, which come before those of the lenses."""
+        return OF_PAIR * len(self.points.a)
 
-def _normal_equations(
-    points: PairPoints, unknowns: LensUnknowns, views: TwoViews, scales: Float64Array
-) -> _NormalEquations:
-    distances, J = linearized(points, views)
-    r, J = distances / scales[:, None], J / scales[:, None, None]
-    w = NOISE_MARGIN**2 * _weights(points) / (1.0 + r**2)
-    weighted = np.swapaxes(J * w[..., None], -1, -2)
-    H, g = weighted @ J, (weighted @ r[..., None])[..., 0]
-    columns = np.concatenate([unknowns.column[points.a], unknowns.column[points.b]], -1)
-    chosen = (columns[..., None] == np.arange(len(unknowns.mean))).astype(np.float64)
-    of_lenses = np.swapaxes(chosen, -1, -2)
-    H_lens = (of_lenses @ H[:, OF_PAIR:, OF_PAIR:] @ chosen).sum(0)
-    g_lens = (of_lenses @ g[:, OF_PAIR:, None]).sum(0)[:, 0]
-    return _NormalEquations(
-        H[:, :OF_PAIR, :OF_PAIR],
-        H[:, :OF_PAIR, OF_PAIR:] @ chosen,
-        H_lens + np.diag(unknowns.stddev**-2),
-        g[:, :OF_PAIR],
-        g_lens + (unknowns.values(views.lenses) - unknowns.mean) / unknowns.stddev**2,
-    )
+    def minimized(self, views: TwoViews) -> TwoViews:
+        """Return the poses and lenses of the least cost (Levenberg-Marquardt)."""
+        cost, damping = self.of(views), _FIRST_DAMPING
+        for _ in range(_ITERATIONS):
+            normal = self.normal_equations(views)
+            while damping < _MAX_DAMPING:
+                trial = self._stepped(views, *normal, damping)
+                trial_cost = self.of(trial)
+                if trial_cost < cost:
+                    break
+                damping *= 10.0
+            else:
+                break
+            gain, views, cost, damping = cost - trial_cost, trial, trial_cost, damping / 5.0
+            if gain < _CONVERGED:
+                break
+        return views
 
+    def of(self, views: TwoViews) -> float:
+        """Return the cost of poses and lenses."""
+        r = distances_px(self.points, views) / self.scales_px[:, None]
+        turns = self.loops.turns(views.R_a_b) / self.loop_rad
+        of_points = NOISE_MARGIN**2 / 2.0 * float((self._weights() * np.log1p(r**2)).sum())
+        of_loops = self.loops.share * float(np.log1p((turns**2).sum(-1)).sum())
+        return of_points + of_loops + self.unknowns.prior_cost(views.lenses)
 
-def _stepped(
-    unknowns: LensUnknowns, views: TwoViews, normal: _NormalEquations, damping: float
-) -> TwoViews:
-    S, g, inverse = normal.reduced(damping)
-    step = -np.linalg.solve(S, g)
-    of_pairs = -(inverse @ (normal.g_pair + normal.H_both @ step)[..., None])[..., 0]
-    step = np.clip(step, -_MAX_LENS_STEP, _MAX_LENS_STEP)
-    moved = views.moved(of_pairs, unknowns.steps(step))
-    bounds = np.array([FOCAL_BOUNDS, RADIAL_BOUNDS]).T
-    lenses = np.clip(moved.lenses, *bounds)
-    return TwoViews(lenses, moved.R_a_b, moved.unit_t, moved.lag_s)
+    def _weights(self) -> Float64Array:
+        """Independent measurements (P, M) that each point is worth."""
+        observed = self.points.observed
+        return np.asarray(observed * (self.points.independent / observed.sum(-1))[:, None])
+
+    def normal_equations(self, views: TwoViews) -> tuple[Float64Array, Float64Array]:
+        """Return H and g of the poses of all pairs and then of the unknowns of the lenses."""
+        n, size = self.n_poses, self.n_poses + len(self.unknowns.mean)
+        H, g = np.zeros((size, size)), np.zeros(size)
+        self._add_points(H, g, views)
+        self._add_loops(H, g, views)
+        away = self.unknowns.values(views.lenses) - self.unknowns.mean
+        H[range(n, size), range(n, size)] += self.unknowns.stddev**-2
+        g[n:] += away / self.unknowns.stddev**2
+        H[range(n), range(n)] += _RIDGE * np.trace(H[:n, :n]) / n
+        return H, g
+
+    def _add_points(self, H: Float64Array, g: Float64Array, views: TwoViews) -> None:
+        distances, J = linearized(self.points, views)
+        r, J = distances / self.scales_px[:, None], J / self.scales_px[:, None, None]
+        w = NOISE_MARGIN**2 * self._weights() / (1.0 + r**2)
+        J_t = np.swapaxes(J * w[..., None], -1, -2)
+        own = np.arange(self.n_poses).reshape(-1, OF_PAIR)
+        column = np.where(self.unknowns.column >= 0, self.n_poses + self.unknowns.column, -1)
+        columns = np.concatenate([own, column[self.points.a], column[self.points.b]], -1)
+        free = columns >= 0
+        np.add.at(g, columns[free], (J_t @ r[..., None])[..., 0][free])
+        both = free[:, :, None] & free[:, None]
+        rows, others = np.broadcast_arrays(columns[:, :, None], columns[:, None])
+        np.add.at(H, (rows[both], others[both]), (J_t @ J)[both])
+
+    def _add_loops(self, H: Float64Array, g: Float64Array, views: TwoViews) -> None:
+        turns = self.loops.turns(views.R_a_b) / self.loop_rad
+        w = 2.0 * self.loops.share / (1.0 + (turns**2).sum(-1))
+        parts = self.loops.derivatives(views.R_a_b)
+        for pair, J in parts:
+            rows = OF_PAIR * pair[:, None] + np.arange(3)
+            J_t = np.swapaxes(J, -1, -2) * (w / self.loop_rad)[:, None, None]
+            np.add.at(g, rows, (J_t @ turns[..., None])[..., 0])
+            for other, J_other in parts:
+                columns = OF_PAIR * other[:, None] + np.arange(3)
+                np.add.at(H, (rows[:, :, None], columns[:, None]), J_t @ J_other / self.loop_rad)
+
+    def _stepped(
+        self, views: TwoViews, H: Float64Array, g: Float64Array, damping: float
+    ) -> TwoViews:
+        step = np.asarray(-np.linalg.solve(H + damping * np.diag(np.diag(H)), g), np.float64)
+        of_pairs = step[: self.n_poses].reshape(-1, OF_PAIR)
+        of_lenses = np.clip(step[self.n_poses :], -_MAX_LENS_STEP, _MAX_LENS_STEP)
+        moved = views.moved(of_pairs, self.unknowns.steps(of_lenses))
+        lenses = np.clip(moved.lenses, *np.transpose([FOCAL_BOUNDS, RADIAL_BOUNDS]))
+        return replace(moved, lenses=lenses)

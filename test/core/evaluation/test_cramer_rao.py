@@ -12,6 +12,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import null_space
 from scipy.stats import chi, chi2
 
+from stcalib_ros.core.bundle.lenses import Lenses
 from stcalib_ros.core.bundle.levenberg_marquardt import adjust
 from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
 from stcalib_ros.core.evaluation.cramer_rao import (
@@ -23,7 +24,9 @@ from stcalib_ros.core.evaluation.cramer_rao import (
     true_problem,
 )
 from stcalib_ros.core.evaluation.scene_truth import ScenePath, true_views
+from stcalib_ros.core.geometry.radial import radial_profile
 from stcalib_ros.core.geometry.so3 import exp_so3, log_so3
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.core.synthetic import simulate
 
 STEP_S = 1 / 30
@@ -53,9 +56,12 @@ def moved(views, d):
     )
 
 
-def image(views, c, X):
+def image(views, c, X, lens=(0.0, 0.0, 0.0, 0.0, 0.0)):
+    """Image by a pinhole lens with corrections (5,)."""
     Y = views.R_cam_ref[c] @ X + views.t_cam_ref[c]
-    return Y[:2] / Y[2] * views.focal_px[c] / views.sigma_px
+    u, (focal, x, y, k1, k2) = Y[:2] / Y[2], lens
+    distorted = u * (1.0 + k1 * (u @ u) + k2 * (u @ u) ** 2)
+    return ((1.0 + focal) * distorted + [x, y]) * views.focal_px[c] / views.sigma_px
 
 
 def published(views, d):
@@ -88,17 +94,21 @@ def dense_floor(views, predicted, n_others, information=0.0, *, rates=False):
     free = null_space(fixed)
     P = free @ np.linalg.inv(free.T @ H @ free) @ free.T
     G = jacobian(lambda d: published(views, d.reshape(C, 7)), 7 * C)
-    return G @ P[: 7 * C, : 7 * C] @ G.T, np.sqrt(np.diag(P)[7 * C : 8 * C])
+    return G @ P[: 7 * C, : 7 * C] @ G.T, np.sqrt(np.diag(P)[7 * C :])
 
 
-def dense_free_points(views, *, rates=False):
+def dense_free_points(views, *, rates=False, known=()):
+    """The bound with joints that are free, and with lenses of which so much is `known` (5,)."""
     o, state = true_problem(views, path)
     C, used = len(views.observed), np.argwhere(state.inlier)
     points = np.argwhere(state.inlier.any(1))
     middle = views.middle_s - views.start_s
+    n_lens = len(known) * C
 
     def predicted(d):
         cameras, rate = d[: 7 * C].reshape(C, 7), d[7 * C : 8 * C]
+        lens = np.zeros((C, 5)) if not n_lens else d[8 * C : 8 * C + n_lens].reshape(C, 5)
+        d = np.delete(d, slice(8 * C, 8 * C + n_lens))
         X, after = state.X.copy(), moved(views, cameras)
         for i, (n, j) in enumerate(points):
             X[n, j] += d[8 * C + 3 * i : 8 * C + 3 * i + 3]
@@ -107,11 +117,16 @@ def dense_free_points(views, *, rates=False):
             late = cameras[c, 6] + rate[c] * (o.time_bin[n] * o.step_s - middle)
             when = o.phi[n, c] + late
             out.append(
-                image(after, c, X[n, j] + when * state.V[n, j] + 0.5 * when**2 * state.A[n, j])
+                image(
+                    *(after, c, X[n, j] + when * state.V[n, j] + 0.5 * when**2 * state.A[n, j]),
+                    lens[c],
+                )
             )
         return np.concatenate(out)
 
-    return dense_floor(views, predicted, 3 * len(points), rates=rates)
+    n_others = n_lens + 3 * len(points)
+    information = np.diag(np.pad(np.tile(known, C), (0, n_others - n_lens)))
+    return dense_floor(views, predicted, n_others, information, rates=rates)
 
 
 def assert_same(found: CramerRaoBound, covariance, stddev=None):
@@ -134,7 +149,56 @@ def test_free_points_are_those_of_the_dense_information(n_cameras):
 def test_rates_are_those_of_the_dense_information():
     views = scene(3)
     covariance, stddev = dense_free_points(views, rates=True)
-    assert_same(free_point_bound(views, path, rates=True), covariance, stddev)
+    assert_same(free_point_bound(views, path, rates=True), covariance, stddev[:3])
+
+
+def lenses(views, free, stddev):
+    """Pinhole lenses of which these corrections (5,) are estimated."""
+    intrinsics = tuple(
+        Intrinsics(1920, 1080, LensModel.PLUMB_BOB, np.diag([f, f, 1.0]), np.zeros(0))
+        for f in views.focal_px
+    )
+    C = len(intrinsics)
+    free, stddev = (np.repeat(np.array(one)[:, None], C, 1) for one in (free, stddev))
+    profile = radial_profile(intrinsics)
+    return Lenses(intrinsics, profile, free, np.zeros((5, C)), stddev, np.arange(C))
+
+
+def test_lenses_are_those_of_the_dense_information():
+    views = scene(3, n_images=9, missing=0.0)
+    stddev = np.array([np.inf, 0.01, 0.02, 0.5, 0.6])
+    unknown = replace(views, lenses=lenses(views, (True,) * 5, stddev))
+    found = free_point_bound(unknown, path)
+    covariance, others = dense_free_points(views, known=1.0 / stddev**2)
+    assert_same(found, covariance)
+    np.testing.assert_allclose(found.lens_stddev.T.ravel(), others[3:18], rtol=1e-3)
+
+
+@pytest.mark.parametrize("floor", [free_point_bound, spline_bound])
+def test_lenses_that_are_unknown_make_poses_less_certain(floor):
+    views = scene(3, n_images=20, missing=0.0)
+    known, focal, focal_and_k1 = (
+        floor(
+            replace(views, lenses=lenses(views, free, (np.inf, 0.01, 0.01, np.inf, np.inf))), path
+        )
+        for free in ((False,) * 5, (True, *(False,) * 4), (True, False, False, True, False))
+    )
+    assert_same(known, floor(views, path).covariance)
+    assert np.isnan(known.lens_stddev).all()
+    assert np.isnan(focal.lens_stddev[1:]).all()
+    assert (focal_and_k1.lens_stddev[0] > 1.01 * focal.lens_stddev[0]).all()
+    areas = [np.trace(one.covariance[7:, 7:]) for one in (known, focal, focal_and_k1)]
+    assert areas == sorted(areas)
+
+
+def test_a_lens_with_distortion_has_fewer_pixels_for_an_angle():
+    views = scene(3, n_images=20, missing=0.0)
+    straight = lenses(views, (False,) * 5, (np.inf,) * 5)
+    bent = tuple(replace(one, D=np.array([-0.3, 0, 0, 0])) for one in straight.intrinsics)
+    sharper = replace(views, lenses=straight)
+    blunt = replace(views, lenses=replace(straight, intrinsics=bent, profile=radial_profile(bent)))
+    one, other = (np.trace(free_point_bound(v, path).covariance) for v in (sharper, blunt))
+    assert other > 1.02 * one
 
 
 @pytest.mark.parametrize("rates", [False, True])
@@ -161,7 +225,8 @@ def test_splines_are_those_of_the_dense_information(rates):
         return np.concatenate(out)
 
     covariance, stddev = dense_floor(views, predicted, 4 * K * 3, prior, rates=rates)
-    assert_same(spline_bound(views, path, rates=rates), covariance, stddev if rates else None)
+    found = spline_bound(views, path, rates=rates)
+    assert_same(found, covariance, stddev[:C] if rates else None)
 
 
 def test_estimates_of_greatest_likelihood_scatter_by_the_floor():
@@ -218,12 +283,14 @@ def test_mean_errors_of_a_known_scatter():
     for c in (1, 2):
         block = np.diag([0.01**2] * 3 + [0.02**2] * 3 + [0.003**2])
         covariance[7 * c : 7 * c + 7, 7 * c : 7 * c + 7] = block
-    floor = CramerRaoBound(covariance, np.full(3, np.nan))
+    lens_stddev = np.repeat([[0.01], [np.nan], [np.nan], [0.02], [np.nan]], 3, 1)
+    floor = CramerRaoBound(covariance, np.full(3, np.nan), lens_stddev)
     found = expected_errors(floor, np.random.default_rng(0), n=20_000)
     maxwell = np.sqrt(8 / np.pi)
     np.testing.assert_allclose(found.E_R, 0.02 * maxwell, rtol=0.01)
     np.testing.assert_allclose(found.E_delta_s, 0.003 * np.sqrt(2 / np.pi), rtol=0.01)
     np.testing.assert_allclose(found.E_t, 0.01 * chi.mean(6) / np.sqrt(2), rtol=0.01)
+    np.testing.assert_allclose([found.E_f, found.E_k1], np.array([0.01, 0.02]) * chi.mean(1))
 
 
 @pytest.fixture(scope="module")

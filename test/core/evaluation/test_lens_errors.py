@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stcalib_ros.core.evaluation.lens_errors import lens_error
+from stcalib_ros.core.evaluation.lens_errors import lens_error, ray_alignment
 from stcalib_ros.core.evaluation.metrics import evaluate
+from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.core.synthetic import SceneOptions, simulate
@@ -79,3 +80,30 @@ def test_there_is_no_mean_of_given_lenses():
     found = evaluate(TRUTH, TRUTH)
     assert np.isnan([found.E_f, found.E_k1]).all()
     assert [lens.focal for lens in found.lenses] == [0.0] * 4
+
+
+def test_a_principal_point_that_is_off_is_a_rotation_of_the_rays():
+    """All cameras look elsewhere, by as much as their principal points are off."""
+    off = np.array([[0, 0, 30.0], [0, 0, -20.0], [0, 0, 0]])
+    cameras = []
+    for camera in TRUTH.cameras:
+        lens = replace(camera.intrinsics, K=camera.intrinsics.K + off)
+        Q, rms = ray_alignment(lens, camera.intrinsics)
+        assert 0.0 < rms < 0.15 * np.hypot(30.0, 20.0) / 1400.0
+        cameras.append(replace(camera, intrinsics=lens, R_ref_cam=camera.R_ref_cam @ Q))
+    first = cameras[0].R_ref_cam
+    moved = [
+        replace(c, R_ref_cam=first.T @ c.R_ref_cam, t_ref_cam=first.T @ c.t_ref_cam)
+        for c in cameras
+    ]
+    found = evaluate(replace(TRUTH, cameras=tuple(moved)), TRUTH)
+    assert min(found.E_R, found.E_t) > 0.01
+    assert max(found.E_R_rays, found.E_t_rays) < 1e-6
+
+
+def test_with_true_lenses_rays_are_turned_as_the_cameras_are():
+    turned = replace(
+        TRUTH.cameras[2], R_ref_cam=TRUTH.cameras[2].R_ref_cam @ exp_so3(np.array([0, 0.03, 0]))
+    )
+    found = evaluate(replace(TRUTH, cameras=(*TRUTH.cameras[:2], turned)), TRUTH)
+    assert found.E_R_rays == pytest.approx(found.E_R) == pytest.approx(0.015)

@@ -162,3 +162,14 @@ def test_a_driver_gets_no_lens_of_another_image():
     assert DriverImage(None, rectified=False).of_sensor(FOUND) is FOUND
     assert "640 x 480 px now, those of the calibration 400 x 150" in image().mismatch(FOUND)
     assert "rectified" in image(width=400, height=150, rectified=True).mismatch(FOUND)
+
+
+def test_what_was_waited_with_is_the_same_lens_after_the_parameters_have_changed():
+    camera = Camera()
+    camera.info()
+    camera.info(k=K)
+    assert "waiting to see" in camera.ear.lines[-1]
+    camera.buffers.set_default(LensKnowledge.UNKNOWN)
+    camera.info(k=K)
+    camera.now_s += LENS_QUIET_S
+    assert (camera.counts.dropped, camera.counts.no_lens) == (0, None)
