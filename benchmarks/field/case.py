@@ -43,6 +43,7 @@ CODES: Mapping[str, frozenset[str]] = {
             "IMAGE_RESIZED",
             "IMAGE_TURNED",
             "DISTORTION_DISAGREES",
+            "LENS_DEVIATES",
         }
     ),
     "C": frozenset({"POSE_CHANGED", "PART_DISAGREES"}),

@@ -118,9 +118,9 @@ def _name_faults(problem: CalibrationProblem, last: Iteration, left_out: Exclusi
     views = problem.at(last.rig).views
     faults = inconsistencies(views.lifted, views.skeleton, last)
     named = {
-        c: replace(found[0], cameras=(problem.exclusions.names[c],))
+        c: replace(found.rejections[0], cameras=(problem.exclusions.names[c],))
         for c, found in zip(last.rig.cameras.tolist(), faults, strict=True)
-        if found
+        if found.rejections
     }
     return left_out.because(named)
 

@@ -139,6 +139,7 @@ class RemarkCode(str, Enum):
     POSES_DO_NOT_PROJECT = "POSES_DO_NOT_PROJECT"
     STAMPS_EVENED = "STAMPS_EVENED"
     IMAGES_LEFT_OUT = "IMAGES_LEFT_OUT"
+    LENS_DEVIATES = "LENS_DEVIATES"
 
 
 @dataclass(frozen=True, slots=True)

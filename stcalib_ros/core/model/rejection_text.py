@@ -115,17 +115,19 @@ _SENTENCES = {
         "its keypoints look like those of an image {scale_x:.2f} times as wide and {scale_y:.2f} "
         "times as high as in its CameraInfo ({width:.0f} x {height:.0f}), the corner of which is "
         "at ({corner_x:.0f}, {corner_y:.0f}): the pose estimator gets a resized, padded or cropped "
-        "image, or K is that of another mode; bring keypoints and CameraInfo to one image"
+        "image, or K is that of another mode; bring keypoints and CameraInfo to one image, or set "
+        "intrinsics to refine or unknown"
     ),
     _R.IMAGE_TURNED: (
-        "its keypoints look like those of an image turned by a quarter, or of a lens with cx and "
-        "cy exchanged: the principal point is at ({cx:.0f}, {cy:.0f}), where its CameraInfo says "
-        "({given_cx:.0f}, {given_cy:.0f}); bring keypoints and CameraInfo to one image"
+        "its keypoints look like those of an image turned by a quarter or by half, or of a lens "
+        "with cx and cy exchanged: the principal point is at ({cx:.0f}, {cy:.0f}), where its "
+        "CameraInfo says ({given_cx:.0f}, {given_cy:.0f}); bring keypoints and CameraInfo to one "
+        "image"
     ),
     _R.DISTORTION_DISAGREES: (
         "its keypoints are bent by {measured:.0%} at the edge of the image when its lens is taken "
         "for that of its CameraInfo, {limit:.0%} are the limit: check D, and whether the keypoints "
-        "are those of the raw or of the rectified image (rectified)"
+        "are those of the raw or of the rectified image (rectified), or set intrinsics to refine"
     ),
     _R.CLOCK_NOT_STEADY: (
         "its clock is not steady: from {begin_s:.1f} to {end_s:.1f} s after its first image, its "

@@ -95,6 +95,10 @@ REMARKS = {
         "images near their stamps, or others are far away in time; its clock may have been set "
         "in between"
     ),
+    RemarkCode.LENS_DEVIATES: (
+        "{camera}: its keypoints are those of another lens than its CameraInfo describes, to which "
+        "`intrinsics: refine` would adapt it"
+    ),
     RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
     RemarkCode.STAMPS_JUMP: (
         "{camera}: from {begin_s:.0f} to {end_s:.0f} s after its first image, its stamps are "
@@ -109,6 +113,12 @@ REMARKS = {
 """Templates of the sentences of remarks, by code."""
 ADDITIONS = {
     "offset_stddev_ms": ", clock to {offset_stddev_ms:.2g} ms",
+    "scale": "; its focal length is {scale:.3f} times as long",
+    "ratio": "; fx / fy is {ratio:.3f} times as large",
+    "given_cx": (
+        "; its principal point is at ({cx:.0f}, {cy:.0f}), not at ({given_cx:.0f}, {given_cy:.0f})"
+    ),
+    "bent": "; at the edge of what it sees, keypoints are {bent:+.1%} further from the axis",
     "stddev_ppm": (
         ": they would be known to {stddev_ppm:.0f} ppm, {limit_ppm:.0f} are needed, which takes "
         "about {enough_s:.0f} s"

@@ -24,7 +24,7 @@ from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.outliers import image_points
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lifted import LiftedCamera
-from stcalib_ros.core.model.rejection import Rejection, RejectionReason
+from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.validation.cross_view import bone_rotations, depth_ratios, usual_distances
 from stcalib_ros.core.validation.inconsistencies import inconsistencies
@@ -82,6 +82,8 @@ class CameraChecks:
         Distance of that time offset from its own.
     inconsistencies : tuple of Rejection
         What its own residuals say against its lens, its clock, or a pose that stays the same.
+    remarks : tuple of Remark
+        What they say that does little harm.
     """
 
     inliers: int
@@ -101,6 +103,7 @@ class CameraChecks:
     repetition_ratio: float = float("inf")
     period_s: float = 0.0
     inconsistencies: tuple[Rejection, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
 
 def rejection(
@@ -279,7 +282,8 @@ def check_cameras(
                 position_stddev=largest_stddev(block[CENTRE_ROWS, CENTRE_ROWS]) / float(reach[c]),
                 offset_stddev_frames=largest_stddev(block[OFFSET_ROW:, OFFSET_ROW:]) / frame_s,
                 has_lookalikes=bool(lookalikes[c]),
-                inconsistencies=against[c],
+                inconsistencies=against[c].rejections,
+                remarks=against[c].remarks,
                 **{name: float(values[c]) for name, values in (bodies | offsets).items()},
             )
         )

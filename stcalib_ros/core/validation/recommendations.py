@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -121,3 +122,17 @@ def without_poses(names: Sequence[str], checks: Sequence[CameraChecks]) -> tuple
     values = {"limb_variation_percent": 100.0 * max(variation for _, variation in without)}
     cameras = tuple(name for name, _ in without)
     return (Remark(RemarkCode.VERIFIED_BY_LIMBS_ALONE, cameras, values),)
+
+
+def of_cameras(names: Sequence[str], checks: Sequence[CameraChecks]) -> tuple[Remark, ...]:
+    """Return the remarks of the checks, each with the name of its camera.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the cameras of the rig.
+    checks : sequence of CameraChecks
+        Checks of the same cameras.
+    """
+    pairs = zip(names, checks, strict=True)
+    return tuple(replace(one, cameras=(name,)) for name, each in pairs for one in each.remarks)

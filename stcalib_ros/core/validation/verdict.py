@@ -17,6 +17,7 @@ from stcalib_ros.core.validation.camera_checks import CameraChecks, rejection
 from stcalib_ros.core.validation.motion_ambiguity import find_ambiguity
 from stcalib_ros.core.validation.receipt_times import receipt_remarks
 from stcalib_ros.core.validation.recommendations import (
+    of_cameras,
     recommend,
     unobservable_clock_skews,
     without_poses,
@@ -122,6 +123,7 @@ def judge(
         *recommend(names, solution.checks, last),
         *unobservable_clock_skews(last),
         *without_poses(names, solution.checks),
+        *of_cameras(names, solution.checks),
         *receipt_remarks([cameras[c] for c in last.rig.cameras]),
     )
     left_out = solution.exclusions.cameras

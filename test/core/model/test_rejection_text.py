@@ -81,7 +81,10 @@ REJECTIONS = (
         Rejection(R.IMAGE_RESIZED, values=AFFINE),
         "0.33 times as wide and 0.34 .* .640 x 363., .* at .0, 2.: the",
     ),
-    (Rejection(R.IMAGE_TURNED, values=AFFINE), "a quarter, .* at .540, 960., .* says .960, 540."),
+    (
+        Rejection(R.IMAGE_TURNED, values=AFFINE),
+        "a quarter or by half, .* at .540, 960., .* says .960, 540.",
+    ),
     (Rejection(R.DISTORTION_DISAGREES, (), -0.07, 0.04), "bent by -7% .*, 4% are the limit: check"),
     (
         Rejection(R.MIRRORED_VIEW, (), 0.74, 0.5, detail="x and y"),
@@ -160,6 +163,7 @@ REJECTIONS = (
 )
 LEAST = {"rotation_stddev_deg": 0.1146, "position_stddev_percent": 5.0}
 SHARED = {"shared_s": 2.0, "usual_s": 8.0, "common_s": 1.0}
+SHIFTED_LENS = {"cx": 1010.0, "cy": 540.0, "given_cx": 960.0, "given_cy": 539.0, "bent": 0.021}
 SKEWS = {"length_s": 3.0, "stddev_ppm": 80.0, "limit_ppm": 10.0, "enough_s": 12.0}
 C = RemarkCode
 PROJECTION = {"given": 0.21, "best": 0.99}
@@ -199,6 +203,14 @@ REMARKS = (
     (
         Remark(C.PEOPLE_OF_UNUSUAL_SIZE, (), {"ratio": 1.22}),
         "^by scale.distances, people are 1.22 times as large as adults: check the distances",
+    ),
+    (
+        Remark(C.LENS_DEVIATES, ("a",), {"scale": 0.951}),
+        "^a: .* another lens .* `intrinsics: refine` .*; its focal length is 0.951 times as long$",
+    ),
+    (
+        Remark(C.LENS_DEVIATES, ("a",), SHIFTED_LENS),
+        r"it; its principal point is at \(1010, 540\), not at \(960, 539\); at .* \+2.1% further",
     ),
     (
         Remark(C.POSES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_poses": 300}),
