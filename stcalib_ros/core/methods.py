@@ -91,8 +91,9 @@ def _by_found_lenses(
 ) -> tuple[LiftedViews, list[PairTask]]:
     """Lift the cameras by the lenses that the pairs agree on, and return the tasks by these."""
     found = map_tasks(agreements, tasks, problem.executor, _ticks(problem, "lenses"))
-    lenses = find_lenses(problem.views.lifted, tasks, found, problem.options.lens)
-    views = with_lenses(problem.views, lenses)
+    before = problem.views
+    lenses = find_lenses(before.lifted, before.skeleton, tasks, found, problem.options.lens)
+    views = with_lenses(before, lenses)
     again = zip(_pair_tasks(problem, views), tasks, found, strict=True)
     return views, [with_agreements(*one) for one in again]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
@@ -15,7 +15,7 @@ from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.camera_buffer import Counts
 from stcalib_ros.ros.driver_lenses import OFF, DriverState
-from stcalib_ros.ros.limits import PROBLEM_S, STARVED_S
+from stcalib_ros.ros.limits import PROBLEM_S, REPEAT_STARVED_S, STARVED_S
 from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.worker import Step
 
@@ -75,6 +75,32 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
         publishers = publishers_of(node, camera.info_topic, camera.info_type)
         lacking.append(f"waits for CameraInfo: {publishers}")
     return "; ".join(lacking)
+
+
+class Complaint(NamedTuple):
+    """A warning for the log: its subject, a line, and how often it is repeated, seconds."""
+
+    subject: str
+    line: str
+    every_s: float
+
+
+def complaints(lacks: Mapping[str, str], counts: Mapping[str, Counts]) -> tuple[Complaint, ...]:
+    """Return what to say of what cameras lack: of a lens that is not known once.
+
+    Parameters
+    ----------
+    lacks : mapping of str to str
+        See `starvation`, by the name of the camera.
+    counts : mapping of str to Counts
+    """
+    said = {name: f"camera {name} {lack}" for name, lack in lacks.items() if lack}
+    once = [name for name in said if counts[name].no_lens is not None]
+    starved = "; ".join(line for name, line in said.items() if name not in once)
+    return (
+        *((Complaint("starved", starved, REPEAT_STARVED_S),) if starved else ()),
+        *(Complaint(f"no lens of {name}", said[name], math.inf) for name in once),
+    )
 
 
 def publishers_of(node: Any, topic: str, wanted: str = "") -> str:

@@ -33,6 +33,7 @@ from stcalib_ros.ros.convert import calibration_result, time_message
 from stcalib_ros.ros.diagnostics import (
     SolverState,
     camera_status,
+    complaints,
     load_status,
     solver_status,
     starvation,
@@ -44,7 +45,6 @@ from stcalib_ros.ros.limits import (
     CHECK_S,
     MAX_LINE,
     MIN_CAMERAS,
-    REPEAT_STARVED_S,
     STARVED_S,
     STOP_S,
 )
@@ -258,8 +258,8 @@ class Calibrator:
         counts = self.buffers.counts()
         self._watch(counts)
         lacks = self._publish_diagnostics(counts)
-        if starved := "; ".join(f"camera {name} {lack}" for name, lack in lacks.items() if lack):
-            self._throttle("starved", starved, every_s=REPEAT_STARVED_S)
+        for subject, line, every_s in complaints(lacks, counts):
+            self._throttle(subject, line, every_s=every_s)
         wanted = self.settings.auto_calibrate or (
             self.settings.auto_recalibrate and self.watcher.complaint
         )

@@ -107,7 +107,7 @@ _OPTIONS = (
     Spec("lens.focal_stddev", 0.1, "Relative standard deviation of a focal length to refine."),
     Spec(
         "lens.principal_point_stddev",
-        0.01,
+        0.005,
         "Standard deviation of a principal point, fraction of the width of the image.",
     ),
     Spec("lens.radial_terms", 1, "Coefficients of radial distortion that are estimated."),

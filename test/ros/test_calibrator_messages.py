@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -23,11 +24,13 @@ from stcalib_ros.ros.camera_buffer import Counts
 from stcalib_ros.ros.diagnostics import (
     SolverState,
     camera_status,
+    complaints,
     load_status,
     solver_status,
     starvation,
 )
-from stcalib_ros.ros.limits import PROBLEM_S
+from stcalib_ros.ros.driver_lenses import DriverState
+from stcalib_ros.ros.limits import PROBLEM_S, REPEAT_STARVED_S
 from stcalib_ros.ros.load import Load
 from stcalib_ros.ros.markers import camera_markers
 from stcalib_ros.ros.publishers import transforms
@@ -115,6 +118,28 @@ def test_a_camera_with_keypoints_that_are_no_pixels_says_what_to_do():
     assert lack.startswith("sends on /a: its keypoints look normalised")
     assert "multiply those of 0..1 by the image size" in lack
     assert starvation(CAMERA, COUNTS, None) == ""
+
+
+def test_a_camera_without_a_lens_says_what_to_set_and_the_log_says_it_once():
+    fault = Rejection(RejectionReason.LENS_UNKNOWN, ("cam0",), detail="cam0=unknown")
+    counts = replace(COUNTS, no_lens=fault)
+    lack = starvation(CAMERA, counts, None)
+    assert lack.startswith("sends on /b: no lens is known")
+    assert "set intrinsics to unknown" in lack
+    lacks = {"cam0": lack, "cam1": "waits for poses", "cam2": ""}
+    starved, no_lens = complaints(lacks, {"cam0": counts, "cam1": COUNTS, "cam2": COUNTS})
+    assert starved == ("starved", "camera cam1 waits for poses", REPEAT_STARVED_S)
+    assert no_lens == ("no lens of cam0", f"camera cam0 {lack}", math.inf)
+    assert complaints({"cam2": ""}, {"cam2": COUNTS}) == ()
+
+
+def test_a_driver_that_has_not_taken_its_lens_is_a_warning():
+    state = DriverState("/set: no answer", failed=True)
+    status = camera_status("calibrator", CAMERA, COUNTS, "", None, state)
+    assert (status.level, status.message) == (DiagnosticStatus.WARN, "/set: no answer")
+    assert {v.key: v.value for v in status.values}["set_camera_info"] == "/set: no answer"
+    starved = camera_status("calibrator", CAMERA, COUNTS, "waits for poses", None, state)
+    assert (starved.level, starved.message) == (DiagnosticStatus.ERROR, "waits for poses")
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from live import Client, LiveNode
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.srv import SetCameraInfo
 from stcalib_ros.msg import CalibrationResult
-from stcalib_ros.srv import SaveCalibration
+from stcalib_ros.srv import Recalibrate, SaveCalibration
 from std_srvs.srv import Trigger
 
 from stcalib_ros.core.model.calibration import Calibration
@@ -100,7 +100,9 @@ def client(folder: Path, scene: Scene) -> Iterator[Client]:
         client.play_completely(bag, {c.name: len(c.stamps) for c in cameras})
         yield client
         assert live.stop()[0] == 0
-        assert "Traceback" not in live.log.read_text()
+        log = live.log.read_text()
+        assert "Traceback" not in log
+        assert log.count("sends on /cam0/camera_info: no lens is known") == 1
     finally:
         live.kill()
         client.close()
@@ -160,3 +162,19 @@ def test_a_rollback_hands_the_earlier_lens_to_its_driver(client, driver, scene):
     )
     (info,) = client.latched(CameraInfo, "cam0/camera_info", 1)
     assert info.k[0] == pytest.approx(EARLIER * true.K[0, 0])
+
+
+def test_lenses_are_found_once_the_option_says_so(client, driver, scene):
+    assert client.change(intrinsics="unknown") == [(True, "")]
+    client.wait(lambda: "no lens" not in client.status("camera cam0")["message"], "another status")
+    before = len(driver.given)
+    answer = client.answer(Recalibrate, "recalibrate", wait=True)
+    assert answer.result.status == CalibrationResult.OK, answer.result.message
+    for lens, camera in zip(answer.result.intrinsics, scene.truth.cameras, strict=True):
+        assert (lens.camera, lens.knowledge) == (camera.name, "unknown")
+        assert lens.camera_info.k[0] == pytest.approx(camera.intrinsics.K[0, 0], rel=0.02)
+        assert lens.focal_stddev_px > 0.0
+        (info,) = client.latched(CameraInfo, f"{camera.name}/camera_info", 1)
+        assert info.k == pytest.approx(lens.camera_info.k)
+    client.wait(lambda: len(driver.given) > before, "the lens")
+    assert driver.given[-1].k == pytest.approx(answer.result.intrinsics[0].camera_info.k)

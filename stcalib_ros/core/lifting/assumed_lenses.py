@@ -16,8 +16,9 @@ from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark,
 from stcalib_ros.core.options import LensOptions, Options
 
 _FOCAL = 0.8
-"""Ratio to the width of the image. Focal length of a lens that is not known: a view of 64 degrees,
-the middle of usual ones of 40 to 100. Chosen: registration starts from it."""
+"""Ratio to the longer side of the image, which is the width unless the camera stands on its side.
+Focal length of a lens that is not known: a view of 64 degrees, the middle of usual ones of 40 to
+100. Chosen: registration starts from it."""
 _RADIAL_STDDEV = 0.2
 """Standard deviation of coefficients of radial distortion. Chosen: those of usual lenses are within
 0.4, and what is not determined comes out near what was given."""
@@ -131,7 +132,7 @@ def _require_one_lens_per_group(cameras: Sequence[CameraRecording]) -> None:
 
 def assumed_lens(lens: Intrinsics) -> Intrinsics:
     """Return a lens without distortion for an image of the size of another one's."""
-    return _centred(lens, LensModel.PLUMB_BOB, _FOCAL * sensor_rectangle(lens)[2])
+    return _centred(lens, LensModel.PLUMB_BOB, _FOCAL * float(sensor_rectangle(lens)[2:].max()))
 
 
 def lens_by_view(lens: Intrinsics, view_deg: float) -> Intrinsics:

@@ -23,9 +23,9 @@ REMARKS = {
         "if they are not"
     ),
     RemarkCode.LENS_ASSUMED: (
-        "the lenses of {cameras} were not known and are estimated; to start from, a horizontal "
-        "view of {view_deg:.0f} degrees, a principal point in the middle of the image and no "
-        "distortion were assumed"
+        "the lenses of {cameras} were not known and are estimated; to start from, a view of "
+        "{view_deg:.0f} degrees along the longer side of the image, a principal point in its "
+        "middle and no distortion were assumed"
     ),
     RemarkCode.POSES_LEFT_OUT: (
         "{camera}: {n_left_out:.0f} of {n_poses:.0f} poses are left out, since all of their "

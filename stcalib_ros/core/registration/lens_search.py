@@ -42,9 +42,9 @@ _FIRST_DAMPING = 1e-3
 """Factor on the diagonal of the normal equations. Numerical: Levenberg-Marquardt."""
 _MAX_DAMPING = 1e4
 """Factor on the diagonal. Numerical: with more a step is too short to help, so that it ends."""
-_CONVERGED = 0.05
-"""Gain in the negative logarithm of the likelihood. Numerical: a step that gains less moves no
-unknown by more than a third of its standard deviation."""
+_CONVERGED = 0.01
+"""Gain in the negative logarithm of the likelihood by which it has converged. Numerical: with 0.05
+it ends amid the narrow valley of one factor of all focal lengths, where steps are short."""
 _MAX_LENS_STEP = 0.3
 """Per step, of the logarithm of a focal length and of a radial coefficient. Numerical."""
 _RIDGE = 1e-9

@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from stcalib_ros.core.lifting.upright_people import focal_length_prior
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.core.model.relative_pose import RelativePose
+from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.options import LensOptions
 from stcalib_ros.core.registration.correspondences import Correspondences, correspondences
 from stcalib_ros.core.registration.epipolar_search import Agreement
@@ -45,6 +47,7 @@ _OUTERMOST = 98.0
 
 def find_lenses(
     lifted: Sequence[LiftedCamera],
+    skeleton: Skeleton,
     tasks: Sequence[PairTask],
     found: Sequence[Sequence[Agreement]],
     options: LensOptions,
@@ -55,6 +58,7 @@ def find_lenses(
     ----------
     lifted : sequence of LiftedCamera
         All cameras, lifted by the lenses to start from.
+    skeleton : Skeleton
     tasks : sequence of PairTask
         Pairs of cameras.
     found : sequence of sequence of Agreement
@@ -69,7 +73,7 @@ def find_lenses(
     points = _pair_points(tasks, found)
     if points is None:
         return {}
-    unknowns = _unknowns(lifted, np.union1d(points.a, points.b), options)
+    unknowns = _unknowns(lifted, skeleton, np.union1d(points.a, points.b), options)
     if not len(unknowns.mean):
         return {}
     lenses = _by_families(points, unknowns)
@@ -119,34 +123,48 @@ def _outermost(points: PairPoints, camera: int) -> float:
 
 
 def _unknowns(
-    lifted: Sequence[LiftedCamera], cameras: IntArray, options: LensOptions
+    lifted: Sequence[LiftedCamera], skeleton: Skeleton, cameras: IntArray, options: LensOptions
 ) -> LensUnknowns:
-    """Return the unknowns of the lenses of some cameras, one for all of a group.
+    """Return the unknowns of the lenses of some cameras, one for all of a group."""
+    column = np.full((len(lifted), 2), -1)
+    numbers: dict[tuple[str, LensKnowledge, int], int] = {}
+    start: list[float] = []
+    # Of the priors of each unknown, the precision, and the mean times the precision.
+    precision, moment = [], []
+    for c in cameras.tolist():
+        camera = lifted[c]
+        for kind, first, stddev in _coefficients(camera, options):
+            key = (camera.lens_group or f"{c}", camera.lens_knowledge, kind)
+            column[c, kind] = numbers.setdefault(key, len(numbers))
+            if column[c, kind] == len(start):
+                start.append(first)
+                precision.append(stddev**-2)
+                moment.append(0.0)
+            upright = focal_length_prior(camera, skeleton) if kind == LOG_FOCAL else None
+            if upright is not None:
+                precision[column[c, kind]] += upright.stddev**-2
+                moment[column[c, kind]] += upright.log_ratio * upright.stddev**-2
+    H = np.array(precision)
+    return LensUnknowns(
+        column, np.zeros((len(lifted), 2)), np.array(start), np.array(moment) / H, H**-0.5
+    )
+
+
+def _coefficients(
+    camera: LiftedCamera, options: LensOptions
+) -> tuple[tuple[int, float, float], ...]:
+    """Return the coefficients of a lens that are unknown, where each starts, and its deviation.
 
     A fisheye that is given stays as it is until the adjustment: another focal length is no factor
     of its bearings.
     """
-    column = np.full((len(lifted), 2), -1)
-    numbers: dict[tuple[str, LensKnowledge, int], int] = {}
-    prior: list[tuple[float, float, float]] = []
-    for c in cameras.tolist():
-        knowledge = lifted[c].lens_knowledge
-        lens = lifted[c].lens_group or f"{c}"
-        if knowledge is LensKnowledge.GIVEN:
-            continue
-        if knowledge is LensKnowledge.UNKNOWN:
-            kinds = [(LOG_FOCAL, FOCAL_START, FOCAL_STDDEV), (RADIAL, 0.0, RADIAL_STDDEV)]
-            kinds = kinds[: 1 + min(1, options.radial_terms)]
-        elif _started_from(lifted[c]).model is LensModel.EQUIDISTANT:
-            continue
-        else:
-            kinds = [(LOG_FOCAL, 0.0, options.focal_stddev)]
-        for kind, start, stddev in kinds:
-            column[c, kind] = numbers.setdefault((lens, knowledge, kind), len(numbers))
-            if column[c, kind] == len(prior):
-                prior.append((start, 0.0, stddev))
-    start, mean, stddev = np.array(prior).reshape(-1, 3).T
-    return LensUnknowns(column, np.zeros((len(lifted), 2)), start, mean, stddev)
+    if camera.lens_knowledge is LensKnowledge.UNKNOWN:
+        focal = (LOG_FOCAL, FOCAL_START, FOCAL_STDDEV)
+        return (focal, (RADIAL, 0.0, RADIAL_STDDEV)) if options.radial_terms else (focal,)
+    given = camera.lens_knowledge is LensKnowledge.GIVEN
+    if given or _started_from(camera).model is LensModel.EQUIDISTANT:
+        return ()
+    return ((LOG_FOCAL, 0.0, options.focal_stddev),)
 
 
 def _pair_points(

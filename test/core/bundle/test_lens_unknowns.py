@@ -122,7 +122,8 @@ def test_absorbed_corrections_leave_nothing_to_correct():
     camera = LiftedCamera("a", np.zeros(1), (), intrinsics=lens, lens_prior=prior)
     given = LiftedCamera("b", np.zeros(1), (), intrinsics=PINHOLE)
     lenses = estimated_lenses([camera, given])
-    assert lenses is not None and not lenses.free[:, 1].any()
+    assert lenses is not None
+    assert not lenses.free[:, 1].any()
     after = lenses.absorbing(lenses.mean * lenses.free)
     found = after.intrinsics[0]
     assert found.K[0, 0] == pytest.approx(1500.0)

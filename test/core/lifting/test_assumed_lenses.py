@@ -52,6 +52,14 @@ def test_of_an_unknown_lens_only_the_size_of_the_image_is_used(lens: Intrinsics)
     assert remark.values["view_deg"] == pytest.approx(64.0, abs=0.1)
 
 
+def test_a_camera_on_its_side_has_the_same_lens() -> None:
+    upright = with_assumed_lenses(
+        with_lenses({0: unknown_intrinsics(1080, 1920)}), Options(intrinsics="unknown")
+    )
+    K = upright.recording.cameras[0].intrinsics.K
+    np.testing.assert_allclose(K, [[1536, 0, 539.5], [0, 1536, 959.5], [0, 0, 1]])
+
+
 def test_a_part_of_a_sensor_looks_through_the_middle_of_the_sensor() -> None:
     part = replace(unknown_intrinsics(400, 300), sensor=(-200.0, -100.0, 1000.0, 600.0))
     found = with_assumed_lenses(with_lenses({0: part}), Options(intrinsics="unknown"))

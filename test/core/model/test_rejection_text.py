@@ -187,7 +187,7 @@ REMARKS = (
     ),
     (
         Remark(C.LENS_ASSUMED, ("a", "b"), {"view_deg": 64.0}),
-        "lenses of a, b were not known .*view of 64 degrees, .* no distortion were assumed",
+        "lenses of a, b were not known .* view of 64 degrees along the longer side .* distortion",
     ),
     (Remark(C.MOVE_FASTER, ("a",)), "^people who move faster"),
     (Remark(C.LEAVE_THE_LINE), "one line: people who walk across it"),
