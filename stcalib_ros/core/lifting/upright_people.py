@@ -11,6 +11,11 @@ The camera has to be tilted: the error of the focal length grows as the square o
 small. Nobody is upright to the degree. A pose is off by a lean and by a bent knee, and goes on to
 be for as long as the person stays where they are; the standard deviation counts places, not images.
 
+In scenes of benchmarks.accuracy.level whose focal lengths are not known, it says something of half
+of the cameras (nine of ten where everybody walks), off by 10 % (rms) with true deviations; lenses
+of 108 degrees with k1 = -0.25 and equidistant ones of 125 degrees included, since people are near
+the middle of the image most of the time.
+
 References
 ----------
 F. Lv, T. Zhao and R. Nevatia, "Camera calibration from video of a walking human", PAMI 2006.
@@ -44,7 +49,7 @@ from stcalib_ros.core.model.skeleton import Skeleton
 
 _SIDES = ("left", "right")
 _LEG = ("ankle", "knee", "hip")
-_MAX_POSES = 200
+_MAX_POSES = 150
 """Poses that are fitted, about. Numerical: bounds the cost; they are far from independent."""
 _MAX_TRACKS = 12
 """Tracks that are fitted, those with most upright poses. Numerical: bounds the cost."""
