@@ -12,7 +12,7 @@ small. Nobody is upright to the degree. A pose is off by a lean and by a bent kn
 be for as long as the person stays where they are; the standard deviation counts places, not images.
 
 In scenes of benchmarks.accuracy.level whose focal lengths are not known, it says something of a
-third to a half of the cameras (nine of ten where everybody walks), off by 6 to 17 % (rms), and by
+fifth to a half of the cameras (nine of ten where everybody walks), off by 6 to 17 % (rms), and by
 no more than three standard deviations. The lens is taken to be free of distortion: with k1 = -0.25
 at 108 degrees, and with equidistant lenses of 125, it says something of a quarter, off by 6 to 8 %,
 since people are near the middle of the image most of the time.
