@@ -14,7 +14,7 @@ from pool_tasks import double, exit_at_once
 from stcalib_ros.core.errors import CalibrationError, Cancelled
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.registration.executors import map_tasks
-from stcalib_ros.core.registration.pairs import pair_tasks, register
+from stcalib_ros.core.registration.pairs import agreements, pair_tasks, register, with_agreements
 from stcalib_ros.core.registration.resampling import Grid, common_step
 
 
@@ -89,6 +89,16 @@ def test_a_cluster_finds_the_same_numbers_bit_by_bit(small_scene, small_stages):
     ):
         found = calibrate(small_scene.recording, HALF_SECOND, executor=client.get_executor())
     assert_same(found, small_stages.calibration)
+
+
+def test_agreements_go_to_processes_and_come_back(tasks, pool):
+    """With them a task has the same hypotheses as if it had searched itself."""
+    found = map_tasks(agreements, tasks, pool, nothing)
+    carried = [with_agreements(t, t, f) for t, f in zip(tasks, found, strict=True)]
+    for task, there in zip(tasks, map_tasks(register, carried, pool, nothing), strict=True):
+        here = register(task)
+        assert [h.matches for h in there] == [h.matches for h in here]
+        assert [h.lag_s for h in there] == pytest.approx([h.lag_s for h in here], abs=1e-4)
 
 
 def test_answers_come_in_the_order_of_the_tasks(pool):
