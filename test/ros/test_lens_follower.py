@@ -95,7 +95,7 @@ def test_without_camera_info_the_size_is_enough_and_no_other_may_come():
     assert camera.recorded.intrinsics.width == 640
     camera.info(width=1280)
     assert camera.counts.dropped == 1
-    assert "image_size is 640 x 480" in camera.ear.lines[-1]
+    assert "is to have 640 x 480 px, but CameraInfo has 1280 x 480" in camera.ear.lines[-1]
     camera.info(width=0, height=0, **NO_LENS)
     camera.info(k=K)
     assert (camera.counts.dropped, camera.counts.images) == (1, 40)
