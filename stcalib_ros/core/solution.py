@@ -26,6 +26,7 @@ from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, re
 from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.registration.resampling import Grid
 from stcalib_ros.core.validation.camera_checks import CameraChecks, check_cameras, rejection
+from stcalib_ros.core.validation.estimated_lenses import undetermined_lenses
 from stcalib_ros.core.validation.inconsistencies import inconsistencies
 from stcalib_ros.core.validation.thresholds import DEFAULT
 from stcalib_ros.core.validation.verdict import Solution, rival_solution, unsettled_cameras
@@ -44,8 +45,10 @@ class CalibrationProblem:
 
     Attributes
     ----------
+    given : LiftedViews
+        All cameras, by the lenses that the recording has or that were assumed.
     views : LiftedViews
-        All cameras.
+        The same, by the lenses that registration found.
     cameras : tuple of int
         Cameras to be calibrated, the reference first.
     exclusions : Exclusions
@@ -58,6 +61,7 @@ class CalibrationProblem:
         Registers the pairs of cameras.
     """
 
+    given: LiftedViews
     views: LiftedViews
     cameras: tuple[int, ...]
     exclusions: Exclusions
@@ -70,6 +74,16 @@ class CalibrationProblem:
         """The problem with the lenses of a rig."""
         lenses = dict(zip(rig.cameras.tolist(), rig.lenses, strict=False))
         return replace(self, views=with_lenses(self.views, lenses)) if lenses else self
+
+    def holding(self, cameras: Sequence[int]) -> CalibrationProblem:
+        """The problem with the lenses of some cameras as they were given."""
+        lenses = {c: self.given.recording.cameras[c].intrinsics for c in cameras}
+        views = with_lenses(self.views, lenses)
+        lifted = tuple(
+            replace(one, lens_prior=None) if c in lenses else one
+            for c, one in enumerate(views.lifted)
+        )
+        return replace(self, views=replace(views, lifted=lifted))
 
 
 def adjust_rigs(
@@ -175,6 +189,11 @@ def _solve(problem: CalibrationProblem, start: Start) -> Solution:
         estimate_line_delays=options.estimate_line_time,
     )
     covariance = refined.covariance.poses_and_offsets()
+    held = undetermined_lenses(views.lifted, refined.iterations[-1])
+    if held:
+        problem = problem.holding(held)
+        rig = replace(refined.iterations[-1].rig, lenses=())
+        return _solve(problem, _adjust_initially(problem, rig, exclusions))
     found = check_solution(problem, refined.iterations, covariance, exclusions, unsettled=unsettled)
     return replace(found, joint_covariance=refined.covariance)
 
@@ -207,7 +226,7 @@ def check_solution(
         covariance,
         offset_range_s=problem.options.offset_range_s,
     )
-    return Solution(iterations, covariance, checks, exclusions, unsettled)
+    return Solution(views, iterations, covariance, checks, exclusions, unsettled)
 
 
 def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
@@ -233,10 +252,11 @@ def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
 
 def _without_mirrored(problem: CalibrationProblem, found: Solution) -> Solution:
     """Leave out cameras that agree with the others for a moment, and in a mirror all the time."""
-    rig, views = found.last.rig, problem.at(found.last.rig).views
+    rig = found.last.rig
     mirrored: dict[int, Rejection] = {}
     for c, checks in zip(rig.cameras.tolist(), found.checks, strict=True):
         if checks.explained_fraction < DEFAULT.min_explained_fraction:
+            views = found.views
             why = mirrored_view(views.lifted, c, views.skeleton, found.last, problem.options)
             mirrored |= {} if why is None else {c: why}
     rest = _without(rig, list(mirrored))
@@ -259,9 +279,10 @@ def _reliability(checks: CameraChecks) -> tuple[float, int]:
 
 def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Solution:
     """Take back cameras that can be registered now that the people are known, if any can."""
-    if not before.sound:
+    present = before.last.rig.cameras.tolist()
+    if not before.sound or set(present) >= set(problem.cameras):
         return before
-    views, present = problem.at(before.last.rig).views, before.last.rig.cameras.tolist()
+    views = before.views
     unsteady = {one.name for one in before.exclusions.cameras if one.rejection.reason in _UNSTEADY}
     found: dict[int, Resection] = {}
     mirrored: dict[int, Rejection] = {}

@@ -18,13 +18,16 @@ from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.rig import sub_rig
 from stcalib_ros.core.registration.resampling import common_grid
 from stcalib_ros.core.solution import CalibrationProblem, adjust_rigs
+from stcalib_ros.core.validation.inconsistencies import CameraFaults
 
 
 @pytest.fixture(scope="module")
 def problem(small_stages, small_scene):
     names = tuple(camera.name for camera in small_stages.lifted)
+    views = LiftedViews(small_stages.skeleton, small_stages.lifted, small_scene.recording)
     return CalibrationProblem(
-        LiftedViews(small_stages.skeleton, small_stages.lifted, small_scene.recording),
+        views,
+        views,
         (0, 1, 2),
         Exclusions(names, HALF_SECOND.offset_range_s),
         common_grid(small_stages.lifted),
@@ -88,7 +91,7 @@ def test_what_is_wrong_with_its_input_is_said_where_its_residuals_say(
     fault = Rejection(RejectionReason.CLOCK_NOT_STEADY, measured=0.1, limit=0.01, unit="s")
 
     def inconsistencies(_cameras, _skeleton, last):
-        return tuple((fault,) if c == 2 else () for c in last.rig.cameras)
+        return tuple(CameraFaults((fault,) if c == 2 else ()) for c in last.rig.cameras)
 
     monkeypatch.setattr(solution, "inconsistencies", inconsistencies)
     disputed([2])

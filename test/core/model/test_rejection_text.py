@@ -213,8 +213,8 @@ REMARKS = (
         "^by scale.distances, people are 1.22 times as large as adults: check the distances",
     ),
     (
-        Remark(C.LENS_HELD, ("a",), {"stddev_percent": 9.1, "given_percent": 10.0}),
-        "^a: its focal length stays .* to 9.1 %, and .* to 10.0 % before; let people come near",
+        Remark(C.LENS_HELD, ("a",), {"limit_percent": 1.0}),
+        "^a: its lens stays as it was given: .* to 1.0 %; let people come near",
     ),
     (
         Remark(C.LENS_FAR_FROM_GIVEN, ("a",), {"times": 1.42, "deviations": 3.5}),

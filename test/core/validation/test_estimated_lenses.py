@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stcalib_ros.core.model.lens_knowledge import LensPrior
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensPrior
 from stcalib_ros.core.model.recording import LensModel
 from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
-from stcalib_ros.core.validation.estimated_lenses import estimated_lens_faults
+from stcalib_ros.core.validation.estimated_lenses import (
+    estimated_lens_faults,
+    undetermined_lenses,
+)
 from stcalib_ros.core.validation.inconsistencies import inconsistencies
 
 UNKNOWN = LensPrior(1400.0, np.inf, (960.0, 540.0), 10.0, (0.0,), 0.2)
@@ -22,7 +25,7 @@ def said(small_stages):
     """What is said of the second camera, by its focal length and what was and is known of it."""
     last = small_stages.iterations[-1]
 
-    def of(prior, *, stddev=0.01, focal_px=1400.0, model=LensModel.PLUMB_BOB):
+    def of(prior, *, stddev=0.005, focal_px=1400.0, model=LensModel.PLUMB_BOB):
         camera = small_stages.lifted[1]
         K = np.array([[focal_px, 0.0, 960.0], [0.0, focal_px, 540.0], [0.0, 0.0, 1.0]])
         lens = replace(camera.intrinsics, K=K, model=model)
@@ -45,14 +48,25 @@ def test_a_focal_length_that_is_determined_is_good(said):
 def test_an_unknown_focal_length_that_is_not_determined_is_refused(said):
     found = said(UNKNOWN, stddev=0.12)
     assert found.reason is RejectionReason.LENS_UNDETERMINED
-    assert (found.measured, found.limit) == (0.12, 0.05)
+    assert (found.measured, found.limit) == (0.12, 0.01)
     assert said(UNKNOWN, stddev=np.inf).reason is RejectionReason.LENS_UNDETERMINED
 
 
-def test_a_guess_that_nothing_refines_is_held(said):
-    found = said(GUESSED, stddev=0.099)
-    assert found.code is RemarkCode.LENS_HELD
-    assert found.values == {"stddev_percent": 9.9, "given_percent": 10.0}
+def test_a_guess_that_nothing_refines_is_held(small_stages):
+    last = small_stages.iterations[-1]
+    first, *rest = small_stages.lifted
+    guessed = (replace(first, lens_prior=GUESSED), *rest)
+    known = np.zeros((5, len(guessed)))
+    known[0, 0] = 0.015
+    assert undetermined_lenses(guessed, replace(last, lens_stddev=known)) == [0]
+    known[0, 0] = 0.005
+    assert undetermined_lenses(guessed, replace(last, lens_stddev=known)) == []
+    unknown = (replace(first, lens_prior=UNKNOWN), *rest)
+    assert undetermined_lenses(unknown, replace(last, lens_stddev=10 * known)) == []
+    held = (replace(first, lens_knowledge=LensKnowledge.REFINE), *rest)
+    found = estimated_lens_faults(held, last)
+    assert found[0].code is RemarkCode.LENS_HELD
+    assert found[1:] == (None, None)
 
 
 @pytest.mark.parametrize(("focal_px", "limit"), [(300.0, 145.0), (6000.0, 20.0)])
