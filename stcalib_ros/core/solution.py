@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from stcalib_ros.core.bundle.initialization import Start, select_initial_rig
 from stcalib_ros.core.bundle.istba import initial_adjustment, run_istba
 from stcalib_ros.core.bundle.iteration import Iteration, absorbed
+from stcalib_ros.core.bundle.lenses import as_given, with_held_lens
 from stcalib_ros.core.bundle.limits import OTHER_OFFSET_FRAMES
 from stcalib_ros.core.control import Control
 from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, largest_part
@@ -26,6 +27,7 @@ from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, re
 from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.registration.resampling import Grid
 from stcalib_ros.core.validation.camera_checks import CameraChecks, check_cameras, rejection
+from stcalib_ros.core.validation.estimated_lenses import undetermined_guesses
 from stcalib_ros.core.validation.inconsistencies import inconsistencies
 from stcalib_ros.core.validation.thresholds import DEFAULT
 from stcalib_ros.core.validation.verdict import Solution, rival_solution, unsettled_cameras
@@ -70,6 +72,23 @@ class CalibrationProblem:
         """The problem with the lenses of a rig."""
         lenses = dict(zip(rig.cameras.tolist(), rig.lenses, strict=False))
         return replace(self, views=with_lenses(self.views, lenses)) if lenses else self
+
+    def holding_lenses(self, held: Sequence[int]) -> CalibrationProblem:
+        """The problem with the lenses of some cameras held where they were given."""
+        lifted = tuple(
+            with_held_lens(camera) if c in held else camera
+            for c, camera in enumerate(self.views.lifted)
+        )
+        return replace(self, views=replace(self.views, lifted=lifted))
+
+    def as_given(self, rig: Rig, given: Sequence[int]) -> Rig:
+        """A rig with the lenses of some cameras as they were given."""
+        cameras = self.at(rig).views.lifted
+        lenses = [
+            as_given(cameras[c]) if c in given else lens
+            for c, lens in zip(rig.cameras.tolist(), rig.lenses, strict=True)
+        ]
+        return replace(rig, lenses=tuple(lens for lens in lenses if lens is not None))
 
 
 def adjust_rigs(
@@ -174,6 +193,10 @@ def _solve(problem: CalibrationProblem, start: Start) -> Solution:
         options.bundle,
         estimate_line_delays=options.estimate_line_time,
     )
+    if undetermined := undetermined_guesses(views.lifted, refined.iterations[-1]):
+        held = problem.holding_lenses(undetermined)
+        rig = held.as_given(refined.iterations[-1].rig, undetermined)
+        return _solve(held, _adjust_initially(held, rig, exclusions))
     covariance = refined.covariance.poses_and_offsets()
     found = check_solution(problem, refined.iterations, covariance, exclusions, unsettled=unsettled)
     return replace(found, joint_covariance=refined.covariance)

@@ -18,6 +18,7 @@ from stcalib_ros.core.model.rejection import Rejection, RejectionReason
 from stcalib_ros.core.model.rig import sub_rig
 from stcalib_ros.core.registration.resampling import common_grid
 from stcalib_ros.core.solution import CalibrationProblem, adjust_rigs
+from stcalib_ros.core.validation.inconsistencies import CameraFaults
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +89,7 @@ def test_what_is_wrong_with_its_input_is_said_where_its_residuals_say(
     fault = Rejection(RejectionReason.CLOCK_NOT_STEADY, measured=0.1, limit=0.01, unit="s")
 
     def inconsistencies(_cameras, _skeleton, last):
-        return tuple((fault,) if c == 2 else () for c in last.rig.cameras)
+        return tuple(CameraFaults((fault,) if c == 2 else ()) for c in last.rig.cameras)
 
     monkeypatch.setattr(solution, "inconsistencies", inconsistencies)
     disputed([2])

@@ -96,9 +96,9 @@ REMARKS = {
         "in between"
     ),
     RemarkCode.LENS_HELD: (
-        "{camera}: its focal length stays as it was given: people's motion determines it to "
-        "{stddev_percent:.1f} %, and it was known to {given_percent:.1f} % before; let people come "
-        "near and walk from side to side"
+        "{camera}: its lens stays as it was given, since people's motion does not determine it "
+        "better; let people come near and walk from side to side, where cameras see them from "
+        "different directions"
     ),
     RemarkCode.LENS_FAR_FROM_GIVEN: (
         "{camera}: its focal length is {times:.3f} times the one that was given, {deviations:.1f} "

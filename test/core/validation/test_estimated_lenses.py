@@ -7,14 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stcalib_ros.core.bundle.lenses import HELD, with_held_lens
 from stcalib_ros.core.model.lens_knowledge import LensPrior
-from stcalib_ros.core.model.recording import LensModel
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.recording import LensModel, keypoints_only
 from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
-from stcalib_ros.core.validation.estimated_lenses import estimated_lens_faults
+from stcalib_ros.core.options import Options
+from stcalib_ros.core.pipeline import calibrate
+from stcalib_ros.core.synthetic import SceneOptions, simulate
+from stcalib_ros.core.validation import estimated_lenses
+from stcalib_ros.core.validation.estimated_lenses import (
+    estimated_lens_faults,
+    undetermined_guesses,
+)
 from stcalib_ros.core.validation.inconsistencies import inconsistencies
 
 UNKNOWN = LensPrior(1400.0, np.inf, (960.0, 540.0), 10.0, (0.0,), 0.2)
 GUESSED = replace(UNKNOWN, focal_stddev=0.1)
+UNKNOWN_CAMERA = LiftedCamera("cam1", np.zeros(1), (), lens_prior=UNKNOWN)
 
 
 @pytest.fixture
@@ -45,14 +55,50 @@ def test_a_focal_length_that_is_determined_is_good(said):
 def test_an_unknown_focal_length_that_is_not_determined_is_refused(said):
     found = said(UNKNOWN, stddev=0.12)
     assert found.reason is RejectionReason.LENS_UNDETERMINED
-    assert (found.measured, found.limit) == (0.12, 0.05)
+    assert (found.measured, found.limit) == (0.12, 0.03)
     assert said(UNKNOWN, stddev=np.inf).reason is RejectionReason.LENS_UNDETERMINED
 
 
-def test_a_guess_that_nothing_refines_is_held(said):
-    found = said(GUESSED, stddev=0.099)
-    assert found.code is RemarkCode.LENS_HELD
-    assert found.values == {"stddev_percent": 9.9, "given_percent": 10.0}
+def test_a_lens_that_is_held_is_worth_a_remark(said):
+    held = with_held_lens(replace(UNKNOWN_CAMERA, lens_prior=GUESSED)).lens_prior
+    assert said(held, stddev=HELD).code is RemarkCode.LENS_HELD
+    assert with_held_lens(UNKNOWN_CAMERA) is UNKNOWN_CAMERA
+
+
+@pytest.mark.parametrize(
+    ("prior", "stddev", "undetermined"),
+    [
+        (GUESSED, 0.01, ()),
+        (GUESSED, 0.029, (1,)),
+        (GUESSED, 0.1, (1,)),
+        (UNKNOWN, 0.5, ()),
+        (replace(GUESSED, focal_stddev=0.005), 0.00499, (1,)),
+        (replace(GUESSED, focal_stddev=HELD), HELD, ()),
+    ],
+)
+def test_guesses_that_motion_does_not_refine(small_stages, prior, stddev, undetermined):
+    last = small_stages.iterations[-1]
+    lifted = list(small_stages.lifted)
+    lifted[1] = replace(lifted[1], lens_prior=prior)
+    known = np.zeros((5, 3))
+    known[0, 1] = stddev
+    assert undetermined_guesses(lifted, replace(last, lens_stddev=known)) == undetermined
+    assert undetermined_guesses(lifted, last) == ()
+
+
+def test_no_guess_is_refined_where_cameras_see_people_from_one_direction(small_stages, monkeypatch):
+    monkeypatch.setattr(estimated_lenses, "depth_variance_ratio", lambda *_: 144.0)
+    lifted = [replace(camera, lens_prior=GUESSED) for camera in small_stages.lifted]
+    last = replace(small_stages.iterations[-1], lens_stddev=np.full((5, 3), 0.01))
+    assert undetermined_guesses(lifted, last) == (0, 1, 2)
+
+
+def test_an_unknown_lens_is_refused_where_cameras_see_people_from_one_direction(said, monkeypatch):
+    monkeypatch.setattr(estimated_lenses, "depth_variance_ratio", lambda *_: 144.0)
+    found = said(UNKNOWN)
+    assert found.reason is RejectionReason.LENS_NEEDS_PARALLAX
+    assert found.measured == 12.0
+    assert said(GUESSED) is None
 
 
 @pytest.mark.parametrize(("focal_px", "limit"), [(300.0, 145.0), (6000.0, 20.0)])
@@ -80,3 +126,16 @@ def test_nothing_is_said_of_given_lenses(small_stages):
     assert estimated_lens_faults(small_stages.lifted, last) == (None, None, None)
     found = inconsistencies(small_stages.lifted, small_stages.skeleton, last)
     assert [one.rejections for one in found] == [(), (), ()]
+
+
+def test_guesses_for_two_cameras_are_held_and_nothing_gets_worse():
+    scene = simulate(SceneOptions(n_cameras=2, n_people=2, n_frames=120, seed=3))
+    recording = keypoints_only(scene.recording)
+    options = Options(offset_range_s=0.5, intrinsics="refine")
+    found = calibrate(recording, options)
+    held = [one.cameras for one in found.remarks if one.code is RemarkCode.LENS_HELD]
+    assert held == [("cam0",), ("cam1",)]
+    given = calibrate(recording, replace(options, intrinsics="given"))
+    for one, other in zip(found.cameras, given.cameras, strict=True):
+        assert pytest.approx(other.intrinsics.K, rel=1e-3) == one.intrinsics.K
+        assert one.R_ref_cam == pytest.approx(other.R_ref_cam, abs=2e-3)
