@@ -128,10 +128,9 @@ def run_stages(
     except Insufficient as why:
         failed = _failed(recording, why, screened)
         return Stages(views.skeleton, views.lifted, hypotheses, rigs, (), failed)
-    problem = problem.at(solution.last.rig)
     calibration, alignment = _judged(screened, problem, solution)
     return Stages(
-        *(views.skeleton, problem.views.lifted, hypotheses, rigs),
+        *(views.skeleton, solution.views.lifted, hypotheses, rigs),
         solution.iterations,
         calibration,
         alignment,
@@ -148,6 +147,7 @@ def _problem(
 ) -> CalibrationProblem:
     names = tuple(camera.name for camera in views.lifted)
     return CalibrationProblem(
+        views,
         views,
         selection.cameras,
         Exclusions(names, options.offset_range_s, selection.rejected),
@@ -168,7 +168,7 @@ def _judged(
     screened: ScreenedInput, problem: CalibrationProblem, solution: Solution
 ) -> tuple[Calibration, WorldAlignment]:
     """Judge a solution, and express it in the unit and frame of the result."""
-    views, options = problem.views, problem.options
+    views, options = solution.views, problem.options
     recording = views.recording
     alignment = place(
         recording, views.lifted, views.skeleton, solution.last, solution.covariance, options

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from stcalib_ros.core.bundle.initialization import Start, select_initial_rig
 from stcalib_ros.core.bundle.istba import initial_adjustment, run_istba
 from stcalib_ros.core.bundle.iteration import Iteration, absorbed
-from stcalib_ros.core.bundle.lenses import as_given, with_held_lens
 from stcalib_ros.core.bundle.limits import OTHER_OFFSET_FRAMES
 from stcalib_ros.core.control import Control
 from stcalib_ros.core.integration.exclusions import Disconnected, Exclusions, largest_part
@@ -27,7 +26,7 @@ from stcalib_ros.core.reconstruction.resection import Resection, add_cameras, re
 from stcalib_ros.core.refinement.sequence import refine
 from stcalib_ros.core.registration.resampling import Grid
 from stcalib_ros.core.validation.camera_checks import CameraChecks, check_cameras, rejection
-from stcalib_ros.core.validation.estimated_lenses import undetermined_guesses
+from stcalib_ros.core.validation.estimated_lenses import undetermined_lenses
 from stcalib_ros.core.validation.inconsistencies import inconsistencies
 from stcalib_ros.core.validation.thresholds import DEFAULT
 from stcalib_ros.core.validation.verdict import Solution, rival_solution, unsettled_cameras
@@ -46,8 +45,10 @@ class CalibrationProblem:
 
     Attributes
     ----------
+    given : LiftedViews
+        All cameras, by the lenses that the recording has or that were assumed.
     views : LiftedViews
-        All cameras.
+        The same, by the lenses that registration found.
     cameras : tuple of int
         Cameras to be calibrated, the reference first.
     exclusions : Exclusions
@@ -60,6 +61,7 @@ class CalibrationProblem:
         Registers the pairs of cameras.
     """
 
+    given: LiftedViews
     views: LiftedViews
     cameras: tuple[int, ...]
     exclusions: Exclusions
@@ -73,22 +75,15 @@ class CalibrationProblem:
         lenses = dict(zip(rig.cameras.tolist(), rig.lenses, strict=False))
         return replace(self, views=with_lenses(self.views, lenses)) if lenses else self
 
-    def holding_lenses(self, held: Sequence[int]) -> CalibrationProblem:
-        """The problem with the lenses of some cameras held where they were given."""
+    def holding(self, cameras: Sequence[int]) -> CalibrationProblem:
+        """The problem with the lenses of some cameras as they were given."""
+        lenses = {c: self.given.recording.cameras[c].intrinsics for c in cameras}
+        views = with_lenses(self.views, lenses)
         lifted = tuple(
-            with_held_lens(camera) if c in held else camera
-            for c, camera in enumerate(self.views.lifted)
+            replace(one, lens_prior=None) if c in lenses else one
+            for c, one in enumerate(views.lifted)
         )
-        return replace(self, views=replace(self.views, lifted=lifted))
-
-    def as_given(self, rig: Rig, given: Sequence[int]) -> Rig:
-        """A rig with the lenses of some cameras as they were given."""
-        cameras = self.at(rig).views.lifted
-        lenses = [
-            as_given(cameras[c]) if c in given else lens
-            for c, lens in zip(rig.cameras.tolist(), rig.lenses, strict=True)
-        ]
-        return replace(rig, lenses=tuple(lens for lens in lenses if lens is not None))
+        return replace(self, views=replace(views, lifted=lifted))
 
 
 def adjust_rigs(
@@ -193,11 +188,12 @@ def _solve(problem: CalibrationProblem, start: Start) -> Solution:
         options.bundle,
         estimate_line_delays=options.estimate_line_time,
     )
-    if undetermined := undetermined_guesses(views.lifted, refined.iterations[-1]):
-        held = problem.holding_lenses(undetermined)
-        rig = held.as_given(refined.iterations[-1].rig, undetermined)
-        return _solve(held, _adjust_initially(held, rig, exclusions))
     covariance = refined.covariance.poses_and_offsets()
+    held = undetermined_lenses(views.lifted, refined.iterations[-1])
+    if held:
+        problem = problem.holding(held)
+        rig = replace(refined.iterations[-1].rig, lenses=())
+        return _solve(problem, _adjust_initially(problem, rig, exclusions))
     found = check_solution(problem, refined.iterations, covariance, exclusions, unsettled=unsettled)
     return replace(found, joint_covariance=refined.covariance)
 
@@ -230,7 +226,7 @@ def check_solution(
         covariance,
         offset_range_s=problem.options.offset_range_s,
     )
-    return Solution(iterations, covariance, checks, exclusions, unsettled)
+    return Solution(views, iterations, covariance, checks, exclusions, unsettled)
 
 
 def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
@@ -256,10 +252,11 @@ def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
 
 def _without_mirrored(problem: CalibrationProblem, found: Solution) -> Solution:
     """Leave out cameras that agree with the others for a moment, and in a mirror all the time."""
-    rig, views = found.last.rig, problem.at(found.last.rig).views
+    rig = found.last.rig
     mirrored: dict[int, Rejection] = {}
     for c, checks in zip(rig.cameras.tolist(), found.checks, strict=True):
         if checks.explained_fraction < DEFAULT.min_explained_fraction:
+            views = found.views
             why = mirrored_view(views.lifted, c, views.skeleton, found.last, problem.options)
             mirrored |= {} if why is None else {c: why}
     rest = _without(rig, list(mirrored))
@@ -282,9 +279,10 @@ def _reliability(checks: CameraChecks) -> tuple[float, int]:
 
 def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Solution:
     """Take back cameras that can be registered now that the people are known, if any can."""
-    if not before.sound:
+    present = before.last.rig.cameras.tolist()
+    if not before.sound or set(present) >= set(problem.cameras):
         return before
-    views, present = problem.at(before.last.rig).views, before.last.rig.cameras.tolist()
+    views = before.views
     unsteady = {one.name for one in before.exclusions.cameras if one.rejection.reason in _UNSTEADY}
     found: dict[int, Resection] = {}
     mirrored: dict[int, Rejection] = {}

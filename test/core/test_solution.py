@@ -24,8 +24,10 @@ from stcalib_ros.core.validation.inconsistencies import CameraFaults
 @pytest.fixture(scope="module")
 def problem(small_stages, small_scene):
     names = tuple(camera.name for camera in small_stages.lifted)
+    views = LiftedViews(small_stages.skeleton, small_stages.lifted, small_scene.recording)
     return CalibrationProblem(
-        LiftedViews(small_stages.skeleton, small_stages.lifted, small_scene.recording),
+        views,
+        views,
         (0, 1, 2),
         Exclusions(names, HALF_SECOND.offset_range_s),
         common_grid(small_stages.lifted),

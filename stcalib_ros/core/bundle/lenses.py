@@ -33,11 +33,6 @@ CORRELATED = 10.0
 until it is measured; 5 to 30 in the recordings of benchmarks/data, 1 in simulated ones."""
 
 
-HELD = 1e-5
-"""Standard deviation of the corrections of a lens that is held where it was given. Numerical: next
-to what people's motion tells, nothing moves."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Lenses:
     """Lenses of C cameras of which some are estimated.
@@ -120,28 +115,6 @@ def estimated_lenses(cameras: Sequence[LiftedCamera]) -> Lenses | None:
     names = [camera.lens_group or str(c) for c, camera in enumerate(cameras)]
     group = np.array([names.index(name) for name in names], dtype=np.int64)
     return Lenses(intrinsics, radial_profile(intrinsics), free, mean, stddev, group)
-
-
-def as_given(camera: LiftedCamera) -> Intrinsics | None:
-    """Return the lens of a camera as it was known before it was estimated."""
-    lens, prior = camera.intrinsics, camera.lens_prior
-    if lens is None or prior is None:
-        return lens
-    return corrected_lens(lens, _corrections(lens, prior)[0])
-
-
-def with_held_lens(camera: LiftedCamera) -> LiftedCamera:
-    """Return a camera whose lens stays as it was given; the same where nothing was known of it."""
-    prior = camera.lens_prior
-    if prior is None or np.isinf(prior.focal_stddev):
-        return camera
-    held = replace(
-        prior,
-        focal_stddev=HELD,
-        centre_stddev_px=HELD * prior.focal_px,
-        radial_stddev=HELD,
-    )
-    return replace(camera, lens_prior=held)
 
 
 def _corrections(lens: Intrinsics, prior: LensPrior) -> tuple[Float64Array, Float64Array]:

@@ -71,7 +71,7 @@ def adjust(
         Let the points take a step of their own after each of the cameras: where their depths change
         by much, they do not follow in a straight line.
     """
-    damping = _FIRST_DAMPING if state.lenses is None else _LEAST_DAMPING
+    damping = _FIRST_DAMPING
     scale = CAUCHY * noise_px(obs, state)
     problem = PointProblem(obs, state, scale, layout)
     least = _MIN_RENEWALS if renew_velocities else 0

@@ -96,9 +96,8 @@ REMARKS = {
         "in between"
     ),
     RemarkCode.LENS_HELD: (
-        "{camera}: its lens stays as it was given, since people's motion does not determine it "
-        "better; let people come near and walk from side to side, where cameras see them from "
-        "different directions"
+        "{camera}: its lens stays as it was given: people's motion does not determine its focal "
+        "length to {limit_percent:.1f} %; let people come near and walk from side to side"
     ),
     RemarkCode.LENS_FAR_FROM_GIVEN: (
         "{camera}: its focal length is {times:.3f} times the one that was given, {deviations:.1f} "

@@ -190,7 +190,7 @@ def _camera(
 
 def _lens_stddev(camera: CameraRecording, last: Iteration, i: int) -> LensStddev | None:
     """How well the lens of a camera is known; None of one that was given."""
-    if camera.lens_prior is None or last.lens_stddev is None:
+    if camera.lens_prior is None or last.lens_stddev is None or not last.lens_stddev[:, i].any():
         return None
     stddev = last.lens_stddev[:, i]
     focal_px = focal_length(camera.intrinsics)

@@ -73,7 +73,7 @@ def adjust_jointly(
     for n in range(_PASSES):
         before = found.iteration
         held = _held(before, found.layout)
-        if not found.layout.further and held is before:
+        if set(found.layout.further) <= set(before.state.layout.further) and held is before:
             break
         after = readjusted(held, held.observations, options, last=True, layout=found.layout)
         found = replace(found, iteration=after)

@@ -7,24 +7,24 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
-from stcalib_ros.core.bundle.lenses import FOCAL, HELD, focal_length
+from stcalib_ros.core.bundle.lenses import FOCAL, focal_length
 from stcalib_ros.core.bundle.motion_filter import depth_variance_ratio
-from stcalib_ros.core.model.lens_knowledge import LensPrior
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensPrior
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark, RemarkCode
 
-_MAX_FOCAL_STDDEV = 0.03
-"""Ratio. Largest standard deviation of a focal length by people's motion alone. Measured: 0.003 to
-0.015 on scenes of benchmarks.accuracy.level with four cameras that are solved; 0.04 and more of two
-cameras, which are off by up to 0.2, and where each camera sees somebody for a quarter of the time
-only, which are off by up to 0.5."""
+_MAX_FOCAL_STDDEV = 0.01
+"""Ratio. Largest standard deviation of a focal length that people's motion determines. Measured on
+keypoints of estimators, whose errors are no noise: focal lengths of "balance two" (0.003 to 0.009)
+are off by 4 % at most, those of "demo" (0.015) by 9 %, of "balance one" (0.010 to 0.025) by 12 to
+25 %; default scenes of benchmarks.accuracy.level have 0.002 to 0.005."""
 _MAX_DEPTH_RATIO = 30.0
 """Ratio of the variances of joints along and across the rays. With more, cameras see people from
 nearly one direction: a longer lens and people further away look the same, and noise decides.
-Measured: 2 to 5 of three cameras and more, 3 to 18 of two that stand apart; 50 and more of cameras
-60 cm apart, side by side or one over the other, which are off by up to 37 % in their focal lengths,
-many times their standard deviations."""
+Measured: 2 to 5 of three cameras and more, 3 to 18 of two that stand apart, 3 to 5 on real
+recordings; 50 and more of cameras 60 cm apart, side by side or one over the other, which are off by
+up to 37 % in their focal lengths, many times their standard deviations."""
 _FAR = 3.0
 """Standard deviations of what was known before. A focal length that is further away was given
 wrongly, or is estimated wrongly. Chosen: the usual ones."""
@@ -48,43 +48,20 @@ def estimated_lens_faults(
     last : Iteration
     """
     members = [cameras[c] for c in last.rig.cameras]
-    if last.lens_stddev is None:
-        return (None,) * len(members)
-    focal_stddev = last.lens_stddev[FOCAL].tolist()
-    depth_ratio = depth_variance_ratio(last.observations, last.state)
+    stddevs = last.lens_stddev
+    focal_stddev = [0.0] * len(members) if stddevs is None else stddevs[FOCAL].tolist()
+    depth_ratio = _depth_ratio(last)
     return tuple(
         next(_faults(camera, stddev, depth_ratio), None)
         for camera, stddev in zip(members, focal_stddev, strict=True)
     )
 
 
-def undetermined_guesses(cameras: Sequence[LiftedCamera], last: Iteration) -> tuple[int, ...]:
-    """Return the cameras whose lenses were refined, though people's motion does not determine them.
-
-    Those whose lenses are held are not among them.
-
-    Parameters
-    ----------
-    cameras : sequence of LiftedCamera
-        All cameras.
-    last : Iteration
-    """
+def _depth_ratio(last: Iteration) -> float:
+    """Ratio of variances along and across the rays, where lenses are estimated."""
     if last.lens_stddev is None:
-        return ()
-    lacks_parallax = depth_variance_ratio(last.observations, last.state) > _MAX_DEPTH_RATIO
-    return tuple(
-        c
-        for c, stddev in zip(last.rig.cameras.tolist(), last.lens_stddev[FOCAL], strict=True)
-        if (prior := cameras[c].lens_prior) is not None
-        if HELD < prior.focal_stddev < np.inf
-        if lacks_parallax or _without_prior(float(stddev), prior) > _MAX_FOCAL_STDDEV
-    )
-
-
-def _without_prior(stddev: float, prior: LensPrior) -> float:
-    """Standard deviation of a focal length by people's motion alone."""
-    gained = stddev**-2 - prior.focal_stddev**-2
-    return float(gained**-0.5) if gained > 0.0 else np.inf
+        return 1.0
+    return depth_variance_ratio(last.observations, last.state)
 
 
 def _faults(
@@ -92,6 +69,8 @@ def _faults(
 ) -> Iterator[Rejection | Remark]:
     """Yield what is wrong with an estimated lens, the worst first."""
     lens, prior = camera.intrinsics, camera.lens_prior
+    if prior is None and camera.lens_knowledge is LensKnowledge.REFINE:
+        yield Remark(RemarkCode.LENS_HELD, (), {"limit_percent": 100.0 * _MAX_FOCAL_STDDEV})
     if lens is None or prior is None:
         return
     is_unknown = np.isinf(prior.focal_stddev)
@@ -106,9 +85,6 @@ def _faults(
         values = {"focal_px": focal_length(lens)}
         yield Rejection(RejectionReason.LENS_IMPLAUSIBLE, (), view_deg, limit, "deg", values=values)
     if is_unknown:
-        return
-    if prior.focal_stddev <= HELD:
-        yield Remark(RemarkCode.LENS_HELD)
         return
     off = _deviation(lens, prior)
     if abs(off) > _FAR:
@@ -127,3 +103,25 @@ def _view_deg(lens: Intrinsics) -> tuple[float, tuple[float, float]]:
     if lens.model is LensModel.EQUIDISTANT:
         return float(np.degrees(2.0 * half)), (_VIEWS_DEG[0], _FISHEYE_DEG)
     return float(np.degrees(2.0 * np.arctan(half))), _VIEWS_DEG
+
+
+def undetermined_lenses(cameras: Sequence[LiftedCamera], last: Iteration) -> list[int]:
+    """Return cameras of which a lens was known before that people's motion does not determine.
+
+    Parameters
+    ----------
+    cameras : sequence of LiftedCamera
+        All cameras.
+    last : Iteration
+    """
+    if last.lens_stddev is None:
+        return []
+    lacks_parallax = _depth_ratio(last) > _MAX_DEPTH_RATIO
+    pairs = zip(last.rig.cameras.tolist(), last.lens_stddev[FOCAL].tolist(), strict=True)
+    return [
+        c
+        for c, stddev in pairs
+        if (prior := cameras[c].lens_prior) is not None
+        and np.isfinite(prior.focal_stddev)
+        and (lacks_parallax or not stddev < _MAX_FOCAL_STDDEV)
+    ]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from stcalib_ros.core.bundle.covariance import JointCovariance
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.integration.exclusions import Exclusions
+from stcalib_ros.core.lifting.views import LiftedViews
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.lifted import LiftedCamera
@@ -31,6 +32,8 @@ class Solution:
 
     Attributes
     ----------
+    views : LiftedViews
+        All cameras, with the lenses of the last iteration.
     iterations : tuple of Iteration
     covariance : (7 C, 7 C) ndarray
         Covariance of poses and time offsets.
@@ -46,6 +49,7 @@ class Solution:
         Covariance of everything that was estimated.
     """
 
+    views: LiftedViews
     iterations: tuple[Iteration, ...]
     covariance: Float64Array
     checks: tuple[CameraChecks, ...]

@@ -11,7 +11,7 @@ from core_helpers import HALF_SECOND
 from stcalib_ros.core.bundle.covariance import pose_covariance
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.integration.exclusions import Exclusions
-from stcalib_ros.core.lifting.views import lift_views
+from stcalib_ros.core.lifting.views import LiftedViews, lift_views
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.recording import keypoints_only
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, RemarkCode
@@ -28,13 +28,15 @@ from stcalib_ros.core.validation.verdict import (
 
 
 @pytest.fixture(scope="module")
-def solution(small_stages):
+def solution(small_stages, small_scene):
     last = small_stages.iterations[-1]
     covariance = pose_covariance(last.observations, last.state)
-    views = small_stages.lifted, small_stages.skeleton
-    found = check_cameras(*views, last, covariance, offset_range_s=0.5)
-    names = tuple(camera.name for camera in small_stages.lifted)
-    return Solution(small_stages.iterations, covariance, found, Exclusions(names, 0.5), unsettled=0)
+    lifted, skeleton = small_stages.lifted, small_stages.skeleton
+    found = check_cameras(lifted, skeleton, last, covariance, offset_range_s=0.5)
+    names = tuple(camera.name for camera in lifted)
+    views = LiftedViews(small_stages.skeleton, small_stages.lifted, small_scene.recording)
+    exclusions = Exclusions(names, 0.5)
+    return Solution(views, small_stages.iterations, covariance, found, exclusions, unsettled=0)
 
 
 @pytest.fixture
