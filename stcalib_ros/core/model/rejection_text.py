@@ -135,6 +135,12 @@ _SENTENCES = {
         "let cameras look down or see people from several sides, say which cameras have one lens "
         "(lens_group), or give the field of view of its data sheet (field_of_view_deg)"
     ),
+    _R.LENS_NEEDS_PARALLAX: (
+        "its focal length cannot be told from people's distance, since the cameras see them from "
+        "nearly one direction: positions are {measured:.0f} times as uncertain along the view as "
+        "across it, {limit:.1f} are the limit where lenses are unknown; move a camera aside, or "
+        "give the field of view of its data sheet (field_of_view_deg)"
+    ),
     _R.LENS_IMPLAUSIBLE: (
         "its focal length came out as {focal_px:.0f} px, a view of {measured:.0f} degrees where "
         "{limit:.0f} are the limit: people's motion does not determine it, or its image is cropped "

@@ -90,6 +90,10 @@ REJECTIONS = (
         "not determined .* to 12%, 5% are needed; let people come near",
     ),
     (
+        Rejection(R.LENS_NEEDS_PARALLAX, (), 12.0, 5.5),
+        "12 times as uncertain .*, 5.5 are the limit .*; move a camera aside, or",
+    ),
+    (
         Rejection(R.LENS_IMPLAUSIBLE, (), 151.0, 145.0, values={"focal_px": 248.0}),
         "as 248 px, a view of 151 degrees where 145 are the limit: .*; give its intrinsics",
     ),
