@@ -279,5 +279,6 @@ class PointProblem:
         )
 
     def state_of(self, before: BundleState) -> BundleState:
-        """The state, the length of the gauge exactly what it was before."""
-        return self.state.scaled(before.cameras.length() / self.cameras.length())
+        """The state in the reference frame, the length of the gauge exactly what it was before."""
+        scaled = self.state.scaled(before.cameras.length() / self.cameras.length())
+        return scaled.in_reference_frame()
