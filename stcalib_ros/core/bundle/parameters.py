@@ -168,10 +168,12 @@ TIME_OFFSET = CameraUnknown("time_offset", "s", _shifted, of_clock=True, delay=l
 CLOCK_SKEW = CameraUnknown("clock_skew", "s/s", of_clock=True, delay=lambda times: times.since_s)
 LINE_DELAY = CameraUnknown("line_delay", "s/row", relative=False, delay=lambda times: times.row)
 
-_WORLD_STDDEV = 0.005
-"""Radians. Standard deviation of the orientation of a world that nothing else holds, in one
-adjustment: where all images are taken at the same times. Measured: with 0.1, points would move on
-arcs, and the demo takes twice the steps; principal points are as accurate with 0.005."""
+_WORLD_STDDEV = 0.1
+"""Radians. Standard deviation of the orientation of a world that nothing else holds: where all
+images are taken at the same times. Numerical: far more than adjustments turn a camera by."""
+WORLD_STEP = 0.005
+"""Radians. How far the world turns in one adjustment, about. Measured: points move in straight
+lines; with 0.1 the demo takes twice the steps, with 0.005 principal points are as accurate."""
 
 POSE_AND_CLOCK = (ROTATION, TRANSLATION, TIME_OFFSET)
 """Unknowns of every adjustment, in the order of its columns."""
@@ -352,14 +354,16 @@ class ParameterLayout:
         system, steps = self._in_gauge(H, cameras)
         return propagate(steps, system.inverse())
 
-    def prior(self, cameras: Cameras) -> tuple[Float64Array, Float64Array]:
+    def prior(
+        self, cameras: Cameras, *, world_stddev: float = _WORLD_STDDEV
+    ) -> tuple[Float64Array, Float64Array]:
         """What was known of the lenses: inverse variances (size,), and the unknowns' deviations.
 
         And of the orientation of the world, so that there is one.
         """
         information, deviation = np.zeros((2, self.size))
         if self.turns_reference:
-            information[self.columns(ROTATION)[0]] = _WORLD_STDDEV**-2
+            information[self.columns(ROTATION)[0]] = world_stddev**-2
         lenses = cameras.lenses
         if lenses is not None:
             known = lenses.information()
