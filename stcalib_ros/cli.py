@@ -28,6 +28,7 @@ _COMMANDS = {
     "evaluate": "compare a result with the truth",
     "simulate": "make a bag with a known answer",
     "convert": "make a bag from a multi-view .npz file",
+    "export": "write a result in the format of another program",
 }
 
 _DESCRIPTION = """\

@@ -71,14 +71,26 @@ def require_camera_info_writable(names: Sequence[str], folder: Path) -> tuple[Pa
         raise InputError(
             f"cannot write to the folder {folder}: {error.strerror or error}; name another"
         ) from error
-    paths = tuple(folder / f"{_plain_name(name)}.yaml" for name in names)
-    path, n = max(Counter(paths).items(), key=lambda item: item[1], default=(folder, 1))
-    if n > 1:
-        same = [name for name, own in zip(names, paths, strict=True) if own == path]
-        raise InputError(f"cameras {', '.join(same)} would have one file, {path}: rename one")
+    paths = tuple(folder / name for name in file_names(names, ".yaml"))
     for path in (*paths, folder / "camera.yaml"):
         require_writable(path)
     return paths
+
+
+def file_names(cameras: Sequence[str], ending: str) -> tuple[str, ...]:
+    """Return the name of a file for each camera.
+
+    Raises
+    ------
+    InputError
+        Two cameras would have the same one.
+    """
+    names = tuple(_plain_name(camera) + ending for camera in cameras)
+    name, n = max(Counter(names).items(), key=lambda item: item[1], default=("", 1))
+    if n > 1:
+        same = [camera for camera, own in zip(cameras, names, strict=True) if own == name]
+        raise InputError(f"cameras {', '.join(same)} would have one file, {name}: rename one")
+    return names
 
 
 def _plain_name(camera: str) -> str:

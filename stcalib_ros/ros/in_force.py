@@ -12,15 +12,11 @@ from rclpy.serialization import serialize_message
 
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.io.exports import EXPORTS
 from stcalib_ros.io.history import History, Kept
 from stcalib_ros.io.stamps import ClockCorrection, corrections_of
 from stcalib_ros.ros.limits import MAX_LINE, MIN_CAMERAS, SAVE_AGAIN_S
 from stcalib_ros.ros.publishers import Publishers
-
-_CAMERA_INFO = "camera_info"
-
-FORMATS = ("stcalib", _CAMERA_INFO)
-"""Formats that a calibration can be saved in; the first is the default."""
 
 
 class InForce:
@@ -142,20 +138,18 @@ class InForce:
         ----------
         path : str
         form : str
-            One of `FORMATS`.
+            Name of one of `EXPORTS`.
 
         Raises
         ------
         InputError
             There is none yet, the format is unknown, or the path cannot be written to.
         """
-        if form not in FORMATS:
-            raise InputError(f"format {form!r} is unknown; there is {', '.join(FORMATS)}")
+        if form not in EXPORTS:
+            raise InputError(f"format {form!r} is unknown; there is {', '.join(EXPORTS)}")
         if self._kept is None:
             raise InputError("there is no calibration to save yet")
-        if form == _CAMERA_INFO:
-            return self._history.export_camera_info(self._kept.calibration, path)
-        return self._history.export(self._kept.calibration, path)
+        return self._history.export(self._kept.calibration, path, EXPORTS[form])
 
     def _saved(self, calibration: Calibration) -> int:
         """Save; returns the number, or 0 and notes the problem."""

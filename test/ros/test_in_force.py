@@ -18,6 +18,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.io import history as history_module
+from stcalib_ros.io.exports import EXPORTS
 from stcalib_ros.io.history import History
 from stcalib_ros.io.results import write_result
 from stcalib_ros.ros.convert import calibration_result
@@ -186,8 +187,11 @@ def test_it_is_saved_in_the_formats_that_there_are(tmp_path):
     assert node.in_force.export("a.yaml", "stcalib").is_file()
     folder = node.in_force.export("lenses", "camera_info")
     assert sorted(p.name for p in folder.iterdir()) == ["cam0.yaml", "cam1.yaml"]
-    with pytest.raises(InputError, match="'kalibr' is unknown; there is stcalib, camera_info"):
-        node.in_force.export("a.yaml", "kalibr")
+    for form in EXPORTS.values():
+        name = f"of_{form.name}{form.endings[0] if form.endings else ''}"
+        assert node.in_force.export(name, form.name) == tmp_path / name
+    with pytest.raises(InputError, match="'freemocap' is unknown; there is stcalib, camera_info,"):
+        node.in_force.export("a.toml", "freemocap")
 
 
 def test_a_second_node_with_the_same_folder_is_warned_of_once(tmp_path, monkeypatch):
