@@ -8,7 +8,7 @@ from pathlib import Path
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.exports import EXPORTS, Exported, exported_files, write_files
 from stcalib_ros.io.files import require_writable
-from stcalib_ros.io.results import read_result
+from stcalib_ros.io.results import read_usable_result
 
 _FORMATS = "\n".join(
     f"  {form.name:12s} {form.summary} [{', '.join(form.endings) or 'folder'}]"
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> None:
     InputError
         A file is unusable, or the format cannot hold the calibration.
     """
-    calibration = read_result(args.result)
+    calibration = read_usable_result(args.result)
     form = EXPORTS[args.format]
     try:
         files = exported_files(Exported(calibration), form, args.output)

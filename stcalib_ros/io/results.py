@@ -151,6 +151,22 @@ def read_result(path: Path | str) -> Calibration:
     return calibration
 
 
+def read_usable_result(path: Path | str) -> Calibration:
+    """Read a result file that is to be used.
+
+    Raises
+    ------
+    InputError
+        As of `read_result`, or its status is not OK.
+    """
+    calibration = read_result(path)
+    if calibration.status is not Status.OK:
+        raise InputError(
+            f"{path} is not to be used, its status is {calibration.status.name}; calibrate again"
+        )
+    return calibration
+
+
 def _require_consistent(calibration: Calibration, path: Path | str) -> None:
     """Demand what holds between entries; what was refused may lack its reference."""
     names = [camera.name for camera in calibration.cameras]

@@ -106,7 +106,7 @@ class Calibrator:
         node.create_timer(CHECK_S, self._meter.timed(self._every_second), clock=steady)
         node.add_on_set_parameters_callback(self._validate_parameters)
         node.add_post_set_parameters_callback(self._apply_parameters)
-        self.in_force.load()
+        self.in_force.load(self.settings.initial_calibration)
         self._begin()
 
     def start(

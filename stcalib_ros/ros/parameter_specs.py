@@ -84,6 +84,12 @@ NODE_SPECS = (
         "Where calibrations are kept; empty: in ROS_HOME, by the node's name.",
         fixed=True,
     ),
+    Spec(
+        "initial_calibration",
+        "",
+        "Result file to start with, unless results_folder has one of later data; empty: none.",
+        fixed=True,
+    ),
     Spec("keep_results", 50, "Number of calibrations kept on disk.", 2, 1000, fixed=True),
     *TF_SPECS,
 )

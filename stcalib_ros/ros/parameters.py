@@ -34,6 +34,7 @@ class Settings:
 
     Attributes
     ----------
+    initial_calibration : Path or None
     set_camera_info : mapping of str to str
         Service of the driver by camera; empty: it is not called.
     """
@@ -49,6 +50,7 @@ class Settings:
     thresholds: Thresholds
     auto_recalibrate: bool
     results_folder: Path
+    initial_calibration: Path | None
     keep_results: int
     publish_tf: bool
     tf_not_metric: bool
@@ -111,6 +113,7 @@ def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
     )
     watch = ("watch", "auto_recalibrate")
     own = ("queue_depth", "auto_calibrate", "min_motion_s", "period_s", "keep_results")
+    initial = values["initial_calibration"]
     tf = ("publish_tf", "tf_not_metric", "tf_suffix")
     return Settings(
         cameras=_cameras(names, values),
@@ -118,6 +121,7 @@ def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
         options=options,
         thresholds=Thresholds(values["watch_rotation_deg"], 1e-3 * values["watch_clock_ms"]),
         results_folder=_folder(values["results_folder"], node_name),
+        initial_calibration=_path(initial, "initial_calibration") if initial else None,
         set_camera_info={name: values[f"camera.{name}.set_camera_info"] for name in names},
         **{name: values[name] for name in (*own, *watch, *tf)},
     )
@@ -154,11 +158,16 @@ def _camera(name: str, values: Mapping[str, Any]) -> SelectedCamera:
 
 def _folder(given: str, node_name: str) -> Path:
     home = Path(os.environ.get("ROS_HOME") or "~/.ros")
-    folder = Path(given) if given else home / "stcalib_ros" / node_name.strip("/").replace("/", ".")
+    return _path(
+        given or home / "stcalib_ros" / node_name.strip("/").replace("/", "."), "results_folder"
+    )
+
+
+def _path(given: str | Path, name: str) -> Path:
     try:
-        return folder.expanduser()
+        return Path(given).expanduser()
     except RuntimeError as error:
-        raise InputError(f"results_folder: {error}: give a path without ~") from error
+        raise InputError(f"{name}: {error}: give a path without ~") from error
 
 
 def declare(node: Any) -> dict[str, Any]:

@@ -60,7 +60,7 @@ class Published:
 class Node:
     """What the node has of it: log, publishers, clock."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, initial: Path | None = None) -> None:
         self.log, self.published, self.now_s = Log(), Published(), 0.0
         self.in_force = InForce(
             History(folder, keep=5),
@@ -70,7 +70,7 @@ class Node:
             self.log,
             clock=lambda: self.now_s,
         )
-        self.in_force.load()
+        self.in_force.load(initial)
 
 
 def saved(folder: Path, *calibrations: Calibration) -> None:
@@ -106,6 +106,35 @@ def test_after_a_start_the_newest_that_can_be_used_is_in_force(tmp_path, said):
     ]
     with pytest.raises(InputError, match="no earlier calibration"):
         node.in_force.rollback()
+
+
+def test_a_result_file_is_in_force_from_the_start(tmp_path):
+    given, folder = tmp_path / "walk.yaml", tmp_path / "results"
+    write_result(calibration(10), given)
+    node = Node(folder, given)
+    assert node.published.run_ids == ["file-walk"]
+    assert node.log.lines[-1] == f"{given} is in force"
+    assert [p.name for p in folder.iterdir()] == ["calibration.000001.yaml"]
+    again = Node(folder, given)
+    assert again.published.run_ids == ["saved-000001"]
+    assert "its data are not from later" in again.log.lines[-1]
+    again.in_force.replace(calibration(20, window_s=(1.0, 5.0)), "run-1")
+    assert Node(folder, given).published.run_ids == ["saved-000002"]
+    write_result(calibration(30, window_s=(4.0, 6.0)), given)
+    node = Node(folder, given)
+    assert node.published.run_ids == ["saved-000002", "file-walk"]
+    assert node.in_force.rollback() == "calibration 2 is in force again"
+
+
+@pytest.mark.parametrize("said", UNUSABLE)
+def test_a_result_file_that_cannot_be_used_is_an_error(tmp_path, said):
+    given = tmp_path / "walk.yaml"
+    write_result(calibration(10, **UNUSABLE[said]), given)
+    with pytest.raises(InputError, match=f"^initial_calibration: .*walk.yaml.*{said}"):
+        Node(tmp_path / "results", given)
+    with pytest.raises(InputError, match="initial_calibration: no such file"):
+        Node(tmp_path / "results", tmp_path / "absent.yaml")
+    assert not (tmp_path / "results").exists()
 
 
 def test_a_rollback_says_what_it_passed_over(tmp_path):

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.io.exports.colmap import COLMAP
 from stcalib_ros.io.exports.export_format import Exported, ExportFormat
 from stcalib_ros.io.exports.gltf import GLTF
@@ -47,13 +46,7 @@ def exported_files(exported: Exported, form: ExportFormat, path: Path) -> dict[P
     InputError
         The format cannot hold it; the message says what, and what to do.
     """
-    calibration = exported.calibration
-    if calibration.status is not Status.OK:
-        raise InputError(
-            f"the status of this calibration is {calibration.status.name}: it is not to be used, "
-            "and so not exported; calibrate again"
-        )
-    if form.needs_metres and not calibration.metric:
+    if form.needs_metres and not exported.calibration.metric:
         raise InputError(
             f"{form.name} has lengths in metres, and this calibration has none: calibrate with "
             "scale.body_height_m or scale.distances, or choose a format without a unit (npz)"
