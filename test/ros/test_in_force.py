@@ -126,10 +126,16 @@ def test_a_result_file_is_in_force_from_the_start(tmp_path):
     assert node.in_force.rollback() == "calibration 2 is in force again"
 
 
-@pytest.mark.parametrize("said", UNUSABLE)
+REFUSED = {
+    r"not to be used \(NOT_CONVERGED\)": {"status": Status.NOT_CONVERGED},
+    "the cameras cam9, which are not configured": {"cameras": OTHERS},
+}
+
+
+@pytest.mark.parametrize("said", REFUSED)
 def test_a_result_file_that_cannot_be_used_is_an_error(tmp_path, said):
     given = tmp_path / "walk.yaml"
-    write_result(calibration(10, **UNUSABLE[said]), given)
+    write_result(calibration(10, **REFUSED[said]), given)
     with pytest.raises(InputError, match=f"^initial_calibration: .*walk.yaml.*{said}"):
         Node(tmp_path / "results", given)
     with pytest.raises(InputError, match="initial_calibration: no such file"):

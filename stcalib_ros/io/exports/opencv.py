@@ -26,7 +26,7 @@ def _text(camera: CameraCalibration) -> str:
     lens, view = camera.intrinsics, view_of(camera)
     storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.writeComment("x_cam = R x_ref + T; t_ref = t_cam + time_offset")
-    storage.write("camera_name", camera.name)
+    storage.write("name", camera.name)
     storage.write("image_width", int(lens.width))
     storage.write("image_height", int(lens.height))
     storage.write("fisheye_model", int(is_fisheye(camera)))

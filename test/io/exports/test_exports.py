@@ -115,7 +115,7 @@ def test_opencv_reads_its_storage(tmp_path: Path, lens: Any) -> None:
     folder = written(calibration, "opencv", tmp_path / "cameras")
     for one in calibration.cameras:
         storage = cv2.FileStorage(str(folder / f"{one.name}.yml"), cv2.FILE_STORAGE_READ)
-        assert storage.getNode("camera_name").string() == one.name
+        assert storage.getNode("name").string() == one.name
         assert storage.getNode("image_width").real() == one.intrinsics.width
         assert storage.getNode("time_offset").real() == one.time_offset_s
         found = opencv_pixels(
@@ -393,7 +393,7 @@ def test_texts_of_any_name_are_read_back(tmp_path: Path) -> None:
         p for p in written(calibration, "opencv", tmp_path / "a").iterdir() if p.stem != "cam0"
     )
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-    assert storage.getNode("camera_name").string() == name
+    assert storage.getNode("name").string() == name
 
 
 @pytest.mark.parametrize("form", EXPORTS.values(), ids=lambda form: form.name)
