@@ -99,7 +99,7 @@ def _numbers(values: Sequence[float]) -> str:
 
 COLMAP = ExportFormat(
     "colmap",
-    "text model of COLMAP: a camera and an image NAME.png each, people as points",
+    "text model of COLMAP, with people as points",
     _files,
     takes_people=True,
 )

@@ -24,13 +24,8 @@ def _camera_info(exported: Exported, _name: str) -> Files:
 
 
 def _npz(exported: Exported, name: str) -> Files:
-    arrays = _camera_arrays(exported.calibration)
-    for person in exported.people:
-        arrays[f"person_{person.person_id}_times"] = person.times_s
-        arrays[f"person_{person.person_id}_joints"] = person.joints_ref
-        arrays[f"person_{person.person_id}_joint_names"] = np.array(person.layout.joint_names)
     stream = io.BytesIO()
-    np.savez(stream, **arrays)
+    np.savez(stream, **_camera_arrays(exported.calibration))
     return {name: stream.getvalue()}
 
 
@@ -66,8 +61,7 @@ CAMERA_INFO = ExportFormat(
 )
 NPZ = ExportFormat(
     "npz",
-    "arrays of NumPy: K, dist, R, t (x_cam = R x_ref + t), offsets, people",
+    "arrays of NumPy, x_cam = R x_ref + t",
     _npz,
     endings=(".npz",),
-    takes_people=True,
 )

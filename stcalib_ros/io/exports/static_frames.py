@@ -156,14 +156,14 @@ def _words(values: Sequence[float] | Float64Array) -> str:
 
 URDF = ExportFormat(
     "urdf",
-    "camera frames as fixed joints, for robot_state_publisher (.urdf), or as a macro (.xacro)",
+    "camera frames as fixed joints, or a macro with them",
     _urdf,
     endings=(".urdf", ".xacro"),
     needs_metres=True,
 )
 LAUNCH = ExportFormat(
     "launch",
-    "launch file of static_transform_publisher, in Python (.py) or XML (.xml)",
+    "launch file of static_transform_publisher",
     _launch,
     endings=(".py", ".xml"),
     needs_metres=True,
