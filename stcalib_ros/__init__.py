@@ -27,6 +27,7 @@ from pkgutil import extend_path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from stcalib_ros.core.diagnosis.examine import Diagnosis, examine
     from stcalib_ros.core.errors import CalibrationError, Cancelled, InputError, StcalibError
     from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
     from stcalib_ros.core.model.calibration import (
@@ -65,6 +66,7 @@ __all__ = [
     "CameraCalibration",
     "CameraRecording",
     "Cancelled",
+    "Diagnosis",
     "Distance",
     "Evaluation",
     "InputError",
@@ -87,6 +89,7 @@ __all__ = [
     "calibrate",
     "camera_from_arrays",
     "evaluate",
+    "examine",
     "find_layout",
     "keypoints_only",
     "read_bag",
@@ -104,6 +107,8 @@ __path__ = extend_path(__path__, __name__)
 __version__ = "0.1.0"
 
 _MODULE_OF = {
+    "Diagnosis": "core.diagnosis.examine",
+    "examine": "core.diagnosis.examine",
     "CalibrationError": "core.errors",
     "Cancelled": "core.errors",
     "InputError": "core.errors",

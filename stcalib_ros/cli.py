@@ -25,6 +25,7 @@ _MAX_ERROR = 5000
 
 _COMMANDS = {
     "calibrate": "calibrate the cameras of a bag",
+    "doctor": "say what is in a bag, and whether it will calibrate",
     "evaluate": "compare a result with the truth",
     "simulate": "make a bag with a known answer",
     "convert": "make a bag from a multi-view .npz file",

@@ -20,7 +20,7 @@ CORE = f"{PACKAGE}.core"
 STAGES = (
     *("errors", "model", "options", "geometry", "lifting", "registration", "integration"),
     *("bundle", "control", "refinement", "reconstruction", "paper", "validation", "output"),
-    *("stages", "solution", "methods", "pipeline", "evaluation"),
+    *("stages", "solution", "methods", "pipeline", "diagnosis", "evaluation"),
 )
 """Parts of core/ from the bottom up: each imports only from those before it (and itself)."""
 

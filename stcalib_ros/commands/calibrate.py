@@ -58,7 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         metavar="OUT.yaml",
         help="result file to write",
     )
-    parser.add_argument("-c", "--config", type=Path, metavar="FILE", help=_CONFIG_HELP)
     parser.add_argument(
         "--report", type=Path, metavar="OUT.html", help="also write a report with pictures"
     )
@@ -68,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         metavar="FOLDER",
         help="also write the intrinsics, one CAM.yaml each, as camera_info_manager loads them",
     )
-    _add_option_arguments(parser)
+    add_option_arguments(parser)
     parser.add_argument(
         "--jobs",
         type=count,
@@ -79,8 +78,9 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
     parser.add_argument("-q", "--quiet", action="store_true", help="print warnings and errors only")
 
 
-def _add_option_arguments(parser: argparse.ArgumentParser) -> None:
+def add_option_arguments(parser: argparse.ArgumentParser) -> None:
     """Add those that are options of the calibration, too."""
+    parser.add_argument("-c", "--config", type=Path, metavar="FILE", help=_CONFIG_HELP)
     parser.add_argument(
         "--reference",
         metavar="CAM",
