@@ -27,6 +27,7 @@ from pkgutil import extend_path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from stcalib_ros.core.capture.people import Capture, capture_people
     from stcalib_ros.core.diagnosis.examine import Diagnosis, examine
     from stcalib_ros.core.errors import CalibrationError, Cancelled, InputError, StcalibError
     from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from stcalib_ros.core.model.scale_cues import Distance
     from stcalib_ros.core.options import Options
     from stcalib_ros.core.pipeline import calibrate, run_stages
+    from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
     from stcalib_ros.core.stages import Stages
     from stcalib_ros.core.synthetic.options import SceneOptions
     from stcalib_ros.core.synthetic.scene import simulate
@@ -66,6 +68,7 @@ __all__ = [
     "CameraCalibration",
     "CameraRecording",
     "Cancelled",
+    "Capture",
     "Diagnosis",
     "Distance",
     "Evaluation",
@@ -77,6 +80,7 @@ __all__ = [
     "LensStddev",
     "Options",
     "PersonAssociation",
+    "PersonTrajectory",
     "Recording",
     "Rejection",
     "RejectionReason",
@@ -88,6 +92,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "camera_from_arrays",
+    "capture_people",
     "evaluate",
     "examine",
     "find_layout",
@@ -107,6 +112,9 @@ __path__ = extend_path(__path__, __name__)
 __version__ = "0.1.0"
 
 _MODULE_OF = {
+    "Capture": "core.capture.people",
+    "capture_people": "core.capture.people",
+    "PersonTrajectory": "core.reconstruction.trajectories",
     "Diagnosis": "core.diagnosis.examine",
     "examine": "core.diagnosis.examine",
     "CalibrationError": "core.errors",
