@@ -58,9 +58,14 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         metavar="OUT.yaml",
         help="result file to write",
     )
-    parser.add_argument("-c", "--config", type=Path, metavar="FILE", help=_CONFIG_HELP)
     parser.add_argument(
         "--report", type=Path, metavar="OUT.html", help="also write a report with pictures"
+    )
+    parser.add_argument(
+        "--people",
+        type=Path,
+        metavar="OUT.{trc,npz}",
+        help="also write the people in 3D, as `stcalib people` does",
     )
     parser.add_argument(
         "--write-camera-info",
@@ -68,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         metavar="FOLDER",
         help="also write the intrinsics, one CAM.yaml each, as camera_info_manager loads them",
     )
-    _add_option_arguments(parser)
+    add_option_arguments(parser)
     parser.add_argument(
         "--jobs",
         type=count,
@@ -79,8 +84,9 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
     parser.add_argument("-q", "--quiet", action="store_true", help="print warnings and errors only")
 
 
-def _add_option_arguments(parser: argparse.ArgumentParser) -> None:
+def add_option_arguments(parser: argparse.ArgumentParser) -> None:
     """Add those that are options of the calibration, too."""
+    parser.add_argument("-c", "--config", type=Path, metavar="FILE", help=_CONFIG_HELP)
     parser.add_argument(
         "--reference",
         metavar="CAM",
@@ -163,6 +169,8 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
     if args.write_camera_info is not None:
         write_camera_info(stages.calibration, args.write_camera_info)
         written.append(args.write_camera_info)
+    if args.people is not None:
+        written += _write_people(recording, stages, args)
     if not (args.quiet or args.json):
         print(calibration_text(stages.calibration))
         print(f"\nWritten to {' and '.join(map(str, filter(None, written)))}")
@@ -173,9 +181,12 @@ def _require_outputs(args: argparse.Namespace) -> None:
     """Make sure that all files can be written."""
     from stcalib_ros.io.camera_info_yaml import require_camera_info_writable
     from stcalib_ros.io.files import require_writable
+    from stcalib_ros.io.people_files import require_people_writable
     from stcalib_ros.report import require_matplotlib
 
     require_writable(args.output)
+    if args.people is not None:
+        require_people_writable(args.people)
     if args.report is not None:
         require_writable(args.report)
         require_matplotlib("--report")
@@ -251,6 +262,14 @@ def _write_report(recording: Recording, stages: Stages, path: Path) -> Path:
 
     write_report(recording, stages, path)
     return path
+
+
+def _write_people(
+    recording: Recording, stages: Stages, args: argparse.Namespace
+) -> tuple[Path, ...]:
+    from stcalib_ros.commands.people import write
+
+    return write(stages.calibration, stages.trajectories(), recording, args.people)
 
 
 def _refusal(calibration: Calibration, written: Sequence[Path | None]) -> str:

@@ -118,7 +118,7 @@ def run_stages(
     rigs: tuple[Rig, ...] = ()
     try:
         selection = select_cameras(views.lifted, reference, options, screened.faults)
-        problem = _problem(views, selection, options, control, executor)
+        problem = make_problem(views, selection, options, control, executor)
         pairs = method.register(problem)
         problem = replace(problem, views=pairs.views or views)
         hypotheses = pairs.hypotheses
@@ -138,13 +138,14 @@ def run_stages(
     )
 
 
-def _problem(
+def make_problem(
     views: LiftedViews,
     selection: Selection,
     options: Options,
     control: Control,
-    executor: Executor | None,
+    executor: Executor | None = None,
 ) -> CalibrationProblem:
+    """Return what the stages after lifting start from: the selected cameras on a common grid."""
     names = tuple(camera.name for camera in views.lifted)
     return CalibrationProblem(
         views,

@@ -105,4 +105,5 @@ def person() -> PersonTrajectory:
     layout = LAYOUTS["coco_17"]
     joints = np.random.default_rng(3).normal([0.0, 0.0, 5.0], 0.4, (20, len(layout.parents), 3))
     joints[4, 7] = np.nan
-    return PersonTrajectory(0, layout, 0.1 * np.arange(20.0), joints)
+    stddev = np.full(joints.shape[:2], 0.01)
+    return PersonTrajectory(0, layout, 0.1 * np.arange(20.0), joints, stddev)
