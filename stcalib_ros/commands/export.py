@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
 from stcalib_ros.io.exports import EXPORTS, Exported, exported_files, write_files
 from stcalib_ros.io.files import require_writable
 from stcalib_ros.io.results import read_usable_result
@@ -19,12 +21,13 @@ DESCRIPTION = f"""\
 Write a result in the format of another program.
 
   stcalib export walk.yaml --format kalibr --output camchain.yaml
-  stcalib export walk.yaml --format colmap --output sparse
+  stcalib export walk.yaml --format colmap --output sparse --bag walk.mcap
 
 Formats (--format), with what the name of the file ends in
 {_FORMATS}
 
-Lengths are those of the result: metres, or the distance between its first two cameras.
+With --bag, colmap and gltf have the people of a recording. Lengths are those of the result: metres,
+or the distance between its first two cameras.
 """
 
 
@@ -35,6 +38,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         *("-o", "--output"), type=Path, required=True, metavar="OUT", help="file or folder to write"
     )
+    parser.add_argument(
+        "--bag",
+        type=Path,
+        metavar="BAG",
+        help="recording of the same cameras, whose people are exported too",
+    )
+    parser.add_argument(
+        *("-c", "--config"), type=Path, metavar="FILE", help="of BAG, as for `stcalib calibrate`"
+    )
 
 
 def run(args: argparse.Namespace) -> None:
@@ -43,12 +55,15 @@ def run(args: argparse.Namespace) -> None:
     Raises
     ------
     InputError
-        A file is unusable, or the format cannot hold the calibration.
+        A file is unusable, or the format cannot hold the calibration or people.
+    CalibrationError
+        What the bag shows does not agree with the calibration.
     """
     calibration = read_usable_result(args.result)
     form = EXPORTS[args.format]
+    people = () if args.bag is None else _people(args, calibration)
     try:
-        files = exported_files(Exported(calibration), form, args.output)
+        files = exported_files(Exported(calibration, people), form, args.output)
     except InputError as error:
         raise InputError(f"{args.result}: {error}") from error
     if not form.endings:
@@ -57,7 +72,21 @@ def run(args: argparse.Namespace) -> None:
         require_writable(path)
     write_files(files)
     unit = "metres" if calibration.metric else "the distance between the first two cameras is 1"
-    print(f"Written to {args.output}: {len(calibration.cameras)} cameras ({unit})")
+    what = f"{len(calibration.cameras)} cameras" + (f", {len(people)} people" if people else "")
+    print(f"Written to {args.output}: {what} ({unit})")
+
+
+def _people(args: argparse.Namespace, calibration: Calibration) -> tuple[PersonTrajectory, ...]:
+    from stcalib_ros.commands.people import captured
+
+    if not EXPORTS[args.format].takes_people:
+        places = ", ".join(name for name, form in EXPORTS.items() if form.takes_people)
+        raise InputError(
+            f"--bag: {args.format} has no place for people, these have: {places}; joints as "
+            "numbers are written by `stcalib people`"
+        )
+    _, found = captured(args, calibration)
+    return found.people
 
 
 def _make_folder(path: Path) -> None:

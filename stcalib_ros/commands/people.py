@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from stcalib_ros.core.errors import CalibrationError
 
 if TYPE_CHECKING:
+    from stcalib_ros.core.capture.people import Capture
     from stcalib_ros.core.model.calibration import Calibration
     from stcalib_ros.core.model.recording import Recording
     from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
@@ -59,31 +60,56 @@ def run(args: argparse.Namespace) -> None:
     CalibrationError
         What the bag shows does not agree with the calibration.
     """
-    from stcalib_ros.commands.terminal import warn
-    from stcalib_ros.core.capture.people import capture_people
-    from stcalib_ros.io.bag import read_bag
-    from stcalib_ros.io.config import Config, read_config
     from stcalib_ros.io.people_files import require_people_writable
     from stcalib_ros.io.results import read_usable_result
 
     require_people_writable(args.output)
-    config = Config() if args.config is None else read_config(args.config)
     calibration = read_usable_result(args.result)
+    recording, found = captured(args, calibration)
+    written = write(calibration, found.people, recording, args.output)
+    print(f"Keypoints that fit: {_shares(found)}; {found.reprojection_rms_px:.2f} px (rms)")
+    print(people_text(found.people, calibration, written))
+
+
+def captured(args: argparse.Namespace, calibration: Calibration) -> tuple[Recording, Capture]:
+    """Read a bag, triangulate its people, and make sure that they agree with the calibration.
+
+    Parameters
+    ----------
+    args : Namespace
+        With `result`, `bag`, `config` and `decoder`.
+    calibration : Calibration
+        Content of `result`.
+
+    Raises
+    ------
+    InputError
+        A file is unusable.
+    CalibrationError
+        What the bag shows does not agree with the calibration.
+    """
+    from stcalib_ros.commands.terminal import warn
+    from stcalib_ros.core.capture.people import capture_people
+    from stcalib_ros.io.bag import read_bag
+    from stcalib_ros.io.config import Config, read_config
+
+    config = Config() if args.config is None else read_config(args.config)
     recording = read_bag(args.bag, selection=config.selection, decoder=args.decoder, warn=warn)
     found = capture_people(recording, calibration, config.options)
     off = [name for name, share in found.explained.items() if share < MIN_EXPLAINED]
-    shares = ", ".join(f"{name} {share:.0%}" for name, share in found.explained.items())
     if len(found.explained) - len(off) < 2:
         raise CalibrationError(
             f"what {args.bag} shows does not agree with {args.result} (keypoints that fit: "
-            f"{shares}): a camera was moved, its clock was set, or they are of other cameras; "
-            "calibrate again with --people"
+            f"{_shares(found)}): a camera was moved, its clock was set, or they are of other "
+            "cameras; calibrate again with --people"
         )
     for name in off:
         warn(f"{name} agrees with the others in {found.explained[name]:.0%} of its keypoints only")
-    written = write(calibration, found.people, recording, args.output)
-    print(f"Keypoints that fit: {shares}; {found.reprojection_rms_px:.2f} px (rms)")
-    print(people_text(found.people, calibration, written))
+    return recording, found
+
+
+def _shares(found: Capture) -> str:
+    return ", ".join(f"{name} {share:.0%}" for name, share in found.explained.items())
 
 
 def write(

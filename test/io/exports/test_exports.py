@@ -435,7 +435,9 @@ def test_the_command_says_what_is_wrong_in_one_line(
 
 def test_every_format_has_its_row_in_the_documentation() -> None:
     text = (Path(__file__).parents[3] / "docs" / "formats.md").read_text()
-    commands = re.findall(r"`stcalib export walk\.yaml --format (\w+) --output (\S+)`", text)
+    commands = re.findall(
+        r"`stcalib export walk\.yaml --format (\w+) --output (\S+)(?: --bag walk\.mcap)?`", text
+    )
     assert {name for name, _ in commands} == set(EXPORTS) - {"stcalib"}
     for name, output in commands:
         assert not EXPORTS[name].endings or Path(output).suffix in EXPORTS[name].endings
