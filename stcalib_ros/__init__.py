@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from stcalib_ros.io.bag import read_bag
     from stcalib_ros.io.bag_writer import write_bag
     from stcalib_ros.io.camera_info_yaml import write_camera_info
+    from stcalib_ros.io.exports import export_calibration
     from stcalib_ros.io.results import read_result, write_result
 
 __all__ = [
@@ -95,6 +96,7 @@ __all__ = [
     "capture_people",
     "evaluate",
     "examine",
+    "export_calibration",
     "find_layout",
     "keypoints_only",
     "read_bag",
@@ -151,6 +153,7 @@ _MODULE_OF = {
     "read_bag": "io.bag",
     "write_bag": "io.bag_writer",
     "write_camera_info": "io.camera_info_yaml",
+    "export_calibration": "io.exports",
     "read_result": "io.results",
     "write_result": "io.results",
 }

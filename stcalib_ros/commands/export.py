@@ -8,8 +8,7 @@ from pathlib import Path
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
-from stcalib_ros.io.exports import EXPORTS, Exported, exported_files, write_files
-from stcalib_ros.io.files import require_writable
+from stcalib_ros.io.exports import EXPORTS, export_calibration
 from stcalib_ros.io.results import read_usable_result
 
 _FORMATS = "\n".join(
@@ -60,17 +59,8 @@ def run(args: argparse.Namespace) -> None:
         What the bag shows does not agree with the calibration.
     """
     calibration = read_usable_result(args.result)
-    form = EXPORTS[args.format]
     people = () if args.bag is None else _people(args, calibration)
-    try:
-        files = exported_files(Exported(calibration, people), form, args.output)
-    except InputError as error:
-        raise InputError(f"{args.result}: {error}") from error
-    if not form.endings:
-        _make_folder(args.output)
-    for path in files:
-        require_writable(path)
-    write_files(files)
+    export_calibration(calibration, args.output, args.format, people)
     unit = "metres" if calibration.metric else "the distance between the first two cameras is 1"
     what = f"{len(calibration.cameras)} cameras" + (f", {len(people)} people" if people else "")
     print(f"Written to {args.output}: {what} ({unit})")
@@ -87,12 +77,3 @@ def _people(args: argparse.Namespace, calibration: Calibration) -> tuple[PersonT
         )
     _, found = captured(args, calibration)
     return found.people
-
-
-def _make_folder(path: Path) -> None:
-    try:
-        path.mkdir(exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"cannot write to the folder {path}: {error.strerror or error}; name another"
-        ) from error

@@ -13,7 +13,7 @@ import yaml
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
-from stcalib_ros.io.files import require_writable, write_text
+from stcalib_ros.io.files import make_folder, require_writable, write_text
 from stcalib_ros.io.messages import CameraInfoFields, fields_of_lens, lens
 from stcalib_ros.io.plausible import require_lens
 from stcalib_ros.io.yaml_entries import Entry
@@ -65,12 +65,7 @@ def require_camera_info_writable(names: Sequence[str], folder: Path) -> tuple[Pa
 
     Parameters and errors are those of `write_camera_info`, and so is what it returns.
     """
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"cannot write to the folder {folder}: {error.strerror or error}; name another"
-        ) from error
+    make_folder(folder)
     paths = tuple(folder / name for name in file_names(names, ".yaml"))
     for path in (*paths, folder / "camera.yaml"):
         require_writable(path)

@@ -12,7 +12,7 @@ from rclpy.serialization import serialize_message
 
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
-from stcalib_ros.io.exports import EXPORTS
+from stcalib_ros.io.exports import export_format
 from stcalib_ros.io.history import History, Kept
 from stcalib_ros.io.results import read_usable_result
 from stcalib_ros.io.stamps import ClockCorrection, corrections_of
@@ -177,11 +177,10 @@ class InForce:
         InputError
             There is none yet, the format is unknown, or the path cannot be written to.
         """
-        if form not in EXPORTS:
-            raise InputError(f"format {form!r} is unknown; there is {', '.join(EXPORTS)}")
+        known = export_format(form)
         if self._kept is None:
             raise InputError("there is no calibration to save yet")
-        return self._history.export(self._kept.calibration, path, EXPORTS[form])
+        return self._history.export(self._kept.calibration, path, known)
 
     def _saved(self, calibration: Calibration) -> int:
         """Save; returns the number, or 0 and notes the problem."""
