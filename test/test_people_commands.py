@@ -64,6 +64,8 @@ def test_people_for_opensim(walk: Path, scene: Scene, capsys: pytest.CaptureFixt
     out = capsys.readouterr().out
     assert "People are in people_P0.trc, people_P1.trc" in out
     assert "Keypoints that fit: cam0 " in out
+    assert "y is up as far as cam0 is level" in out
+    assert "size of an adult" not in out
     for path in (walk / "people_P0.trc", walk / "people_P1.trc"):
         (rate, unit), markers, times, joints = read_trc(path)
         assert (float(rate), unit) == (pytest.approx(30.0, rel=0.01), "m")
@@ -71,6 +73,34 @@ def test_people_for_opensim(walk: Path, scene: Scene, capsys: pytest.CaptureFixt
         assert np.diff(times) == pytest.approx(1 / 30, rel=0.01)
         height = joints[:, markers.index("head"), 1] - joints[:, markers.index("left_ankle"), 1]
         assert np.nanmedian(height) > 1.0  # y is up
+
+
+def test_a_vertical_and_a_unit_that_are_known_are_kept(
+    walk: Path, scene: Scene, capsys: pytest.CaptureFixture[str]
+) -> None:
+    optical_in_world = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    cameras = tuple(
+        replace(
+            camera,
+            R_ref_cam=optical_in_world @ camera.R_ref_cam,
+            t_ref_cam=optical_in_world @ camera.t_ref_cam / 3.0,
+        )
+        for camera in scene.truth.cameras
+    )
+    upright = replace(scene.truth, cameras=cameras, metric=False, frame_id="map")
+    write_result(upright, walk / "upright.yaml")
+    assert main(["people", "walk.yaml", "walk.mcap", "--output", "optical.trc"]) == 0
+    capsys.readouterr()
+    assert main(["people", "upright.yaml", "walk.mcap", "--output", "upright.trc"]) == 0
+    out = capsys.readouterr().out
+    assert "is level" not in out
+    assert "Metres are by the size of an adult" in out
+    _, markers, _, optical = read_trc(walk / "optical_P0.trc")
+    _, _, _, world = read_trc(walk / "upright_P0.trc")
+    scale = limb_m(markers, optical) / limb_m(markers, world)
+    assert scale == pytest.approx(1.0, rel=0.15)
+    turned = scale * world * [-1.0, 1.0, -1.0]  # x of the world, ahead, is z of the file
+    assert np.nanmedian(np.linalg.norm(turned - optical, axis=-1)) < 0.02
 
 
 def test_arrays_are_in_the_frame_of_the_result(walk: Path, scene: Scene) -> None:

@@ -159,6 +159,12 @@ def people_text(
             )
         )
     lines = [table(rows), f"People are in {', '.join(map(str, written))}"]
-    if not calibration.metric and written[0].suffix == ".trc":
-        lines.append("Metres in it are by the size of an adult: the calibration is up to scale.")
+    if written[0].suffix == ".trc":
+        if not calibration.metric:
+            lines.append("Metres are by the size of an adult: the calibration is up to scale.")
+        if not calibration.frame_id:
+            lines.append(
+                f"y is up as far as {calibration.reference} is level: for the true vertical, "
+                "calibrate with world_frame in the configuration."
+            )
     return "\n".join(lines)
