@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stcalib_ros.core.model.recording import Recording
     from stcalib_ros.core.stages import Stages
     from stcalib_ros.io.config import Config
+    from stcalib_ros.io.topics import CameraSelection
 
 # What computes is imported by the functions that need it, for `--help` to be quick.
 
@@ -45,7 +46,8 @@ YAML file with options by name (offset_range_s: 1.0), which cameras in which ord
 _INTRINSICS_HELP = """\
 what the intrinsics in CameraInfo are worth: given (default), refine (a guess, estimated from there
 on) or unknown (estimated; only the size of the image is used); with CAM=, of one camera; or a file
-as of --write-camera-info that takes the place of its CameraInfo; can be repeated"""
+or folder with lenses, which take the place of CameraInfo: camera_info YAML, Kalibr camchain, OpenCV
+YAML or XML, TOML of aniposelib, Pose2Sim and Caliscope, COLMAP cameras.txt; can be repeated"""
 
 
 def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = True) -> None:
@@ -97,7 +99,7 @@ def _add_option_arguments(parser: argparse.ArgumentParser) -> None:
         type=_intrinsics,
         action="append",
         default=[],
-        metavar="[CAM=]{given,refine,unknown,FILE.yaml}",
+        metavar="[CAM=]{given,refine,unknown,FILE[:NAME]}",
         help=_INTRINSICS_HELP,
     )
     parser.add_argument(
@@ -185,7 +187,7 @@ def _require_outputs(args: argparse.Namespace) -> None:
 
 def config_of(args: argparse.Namespace) -> Config:
     """Read the configuration file; arguments take precedence."""
-    from stcalib_ros.io.camera_info_yaml import read_camera_info_fields
+    from stcalib_ros.core.model.lens_knowledge import LensKnowledge
     from stcalib_ros.io.config import Config, read_config
 
     config = Config() if args.config is None else read_config(args.config)
@@ -196,12 +198,28 @@ def config_of(args: argparse.Namespace) -> Config:
     selection = config.selection.with_line_delays(dict(args.line_time))
     for name, worth in args.intrinsics:
         if isinstance(worth, Path):
-            selection = selection.with_lens(name, info=read_camera_info_fields(worth)[1])
+            selection = _with_file(selection, name, worth)
         elif name:
             selection = selection.with_lens(name, knowledge=worth)
         else:
             changes["intrinsics"] = worth.value
+    if selection.lens_file is not None and "intrinsics" in changes:
+        worth = LensKnowledge(changes["intrinsics"])
+        selection = replace(selection, lens_file=replace(selection.lens_file, knowledge=worth))
     return Config(replace(config.options, **changes), selection)
+
+
+def _with_file(selection: CameraSelection, name: str, file: Path) -> CameraSelection:
+    """The same with a file of lenses: of a camera, of a group of cameras, or of all (no name)."""
+    from stcalib_ros.io.lens_files import read_lens_fields, read_lens_of
+    from stcalib_ros.io.lens_settings import LensFile
+
+    if not name:
+        return replace(selection, lens_file=LensFile(str(file), read_lens_fields(file)))
+    group = [camera for camera, own in selection.camera.items() if own.lens.group == name]
+    for camera in group if group and name not in selection.camera else [name]:
+        selection = selection.with_lens(camera, info=read_lens_of(str(file), camera))
+    return selection
 
 
 def _intrinsics(text: str) -> tuple[str, LensKnowledge | Path]:
@@ -209,15 +227,14 @@ def _intrinsics(text: str) -> tuple[str, LensKnowledge | Path]:
     from stcalib_ros.core.model.lens_knowledge import lens_knowledge
 
     name, equals, worth = text.rpartition("=")
-    is_file = worth.endswith((".yaml", ".yml"))
-    if not name and (equals or is_file):
-        raise argparse.ArgumentTypeError(f"expected CAM={worth}, got {text!r}")
-    if is_file:
+    if equals and not (name and worth):
+        raise argparse.ArgumentTypeError(f"expected CAM={worth or 'FILE'}, got {text!r}")
+    if {".", "/"} & set(worth) or Path(worth).exists():
         return name, Path(worth)
     try:
         return name, lens_knowledge(worth, name or "all cameras")
     except InputError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+        raise argparse.ArgumentTypeError(f"{error}, and there is no such file") from None
 
 
 def _line_time(text: str) -> tuple[str, float]:

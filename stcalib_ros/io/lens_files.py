@@ -99,6 +99,34 @@ def lenses_of(
     }
 
 
+def read_lens_of(given: str, camera: str) -> CameraInfoFields:
+    """Read the lens of one camera.
+
+    Parameters
+    ----------
+    given : str
+        The file; with several cameras under other names, ``FILE:NAME``.
+    camera : str
+        Its name.
+
+    Raises
+    ------
+    InputError
+        As of `read_lenses`, or it is not in the file.
+    """
+    file, colon, name = given.rpartition(":")
+    is_name = bool(colon) and not Path(given).exists()
+    path, wanted = (Path(file), name) if is_name else (Path(given), camera)
+    fields = read_lens_fields(path)
+    found = fields_by_camera(fields, [wanted])
+    if not found or (is_name and wanted not in fields):
+        raise InputError(
+            f"{path} has no lens of camera {wanted}: it has {', '.join(fields)}; name one of "
+            f"them: {camera}={path}:{next(iter(fields))}"
+        )
+    return found[wanted]
+
+
 def fields_by_camera(
     fields: Mapping[str, CameraInfoFields], cameras: Sequence[str]
 ) -> dict[str, CameraInfoFields]:
@@ -155,7 +183,8 @@ def _of_file(path: Path, image_size: tuple[int, int] | None) -> dict[str, Camera
     try:
         storage = OpencvStorage(path)
     except InputError as error:
-        raise InputError(f"{error}; {_EXPECTED}") from None
+        known = path.suffix in _ENDINGS
+        raise InputError(f"{error if known else f'{path} has no lens'}; {_EXPECTED}") from None
     content = storage.content
     if "camera_matrix" in content and _CAMERA_INFO & content.keys():
         return dict([fields_of_content(content, path)])

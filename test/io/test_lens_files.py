@@ -294,6 +294,7 @@ def test_names_of_cameras(tmp_path: Path) -> None:
     [
         ("a.yaml", "people: [1, 2]", "a.yaml has no lens, but people; lenses are read from came"),
         ("a.yaml", "", "is not a file of OpenCV's FileStorage; lenses are read from camera_info"),
+        ("a.md", "# Lenses\n- [a: b", r"a\.md has no lens; lenses are read from camera_info YAML"),
         ("a.yaml", "{", "is not valid YAML"),
         ("a.yaml", "&a [*a, \u0000]", "is not valid YAML"),
         ("a.xml", "<opencv_storage><K>", "is not valid XML.*; lenses are read from"),
