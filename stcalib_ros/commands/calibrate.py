@@ -43,6 +43,12 @@ YAML file with options by name (offset_range_s: 1.0), which cameras in which ord
 (camera: {cam0: {pose_topic: /a, info_topic: /b, frame: c, line_time_s: 15.0e-6}}), and lenses
 (camera: {cam0: {intrinsics: refine, lens_group: gopro, field_of_view_deg: 90}})"""
 
+_ALIGN_HELP = """\
+what is added to stamps before clocks are searched, where they differ by more than --offset-range
+(UTC and time since boot): starts (all cameras began at once), stamps (nothing), or seconds, of all
+cameras but the reference or CAM=S,...; default: a guess where stamps do not overlap, which the
+result names. Offsets contain it"""
+
 _INTRINSICS_HELP = """\
 what the intrinsics in CameraInfo are worth: given (default), refine (a guess, estimated from there
 on) or unknown (estimated; only the size of the image is used); with CAM=, of one camera; or a file
@@ -94,6 +100,7 @@ def _add_option_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="clocks are searched within plus and minus S seconds (default: 2)",
     )
+    parser.add_argument("--align", metavar="{starts,stamps,S,CAM=S,...}", help=_ALIGN_HELP)
     parser.add_argument(
         "--intrinsics",
         type=_intrinsics,
@@ -191,7 +198,8 @@ def config_of(args: argparse.Namespace) -> Config:
     from stcalib_ros.io.config import Config, read_config
 
     config = Config() if args.config is None else read_config(args.config)
-    given = {"reference": args.reference, "offset_range_s": args.offset_range, "seed": args.seed}
+    given = {"reference": args.reference, "offset_range_s": args.offset_range}
+    given |= {"seed": args.seed, "align": args.align}
     changes = {name: value for name, value in given.items() if value is not None}
     if args.estimate_line_time:
         changes["estimate_line_time"] = True
