@@ -123,14 +123,12 @@ def _parsed(argv: Sequence[str]) -> argparse.Namespace:
 def _serve(args: argparse.Namespace, calibrated: tuple[Recording, Calibration] | None) -> None:
     """Publish and play, until done or interrupted."""
     import rclpy
-    from rclpy.signals import SignalHandlerOptions
 
     from stcalib_ros.ros.player import Player, PlayOptions
-    from stcalib_ros.ros.running import spin_until, stop_on_signals
+    from stcalib_ros.ros.running import spin_until, start_node, stop_on_signals
 
     stop = stop_on_signals()
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("replay")
+    node = start_node("replay")
     try:
         if args.publish and calibrated is not None:
             _publish(node, *calibrated, run_id=f"replay-{args.bag.stem}")
@@ -160,10 +158,11 @@ def _publish(node: Any, recording: Recording, calibration: Calibration, *, run_i
     """Publish a result, stamped with the end of its data, as the live node does."""
     from stcalib_ros.ros.convert import calibration_result, time_message
     from stcalib_ros.ros.parameter_specs import TF_SPECS
-    from stcalib_ros.ros.parameters import declared
+    from stcalib_ros.ros.parameters import declared, require_known
     from stcalib_ros.ros.publishers import Publishers
 
     tf = {spec.name: declared(node, spec) for spec in TF_SPECS}
+    require_known(node)
     publishers = Publishers(node, _PublisherSettings(calibration.cameras, **tf))
     stamps = {camera.name: camera.stamps for camera in recording.cameras}
     rates = {n: (len(s) - 1) / (s[-1] - s[0]) for n, s in stamps.items() if s[-1] > s[0]}
