@@ -22,6 +22,7 @@ from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.output.assemble import failed_calibration, make_calibration
+from stcalib_ros.core.output.own_clocks import by_own_clocks
 from stcalib_ros.core.output.world_frame import WorldAlignment, place
 from stcalib_ros.core.registration.resampling import common_grid
 from stcalib_ros.core.solution import CalibrationProblem
@@ -189,4 +190,4 @@ def _judged(
         uncalibrated=solution.exclusions.cameras,
         world_frame=options.world_frame,
     )
-    return calibration, alignment
+    return by_own_clocks(calibration, screened.shifts_s), alignment

@@ -142,7 +142,25 @@ def read_camera_info_fields(path: Path) -> tuple[str, CameraInfoFields]:
     InputError
         As of `read_camera_info_yaml`.
     """
-    top = Entry(read_yaml(path), str(path), ": ")
+    return fields_of_content(read_yaml(path), path)
+
+
+def fields_of_content(content: Any, path: Path) -> tuple[str, CameraInfoFields]:
+    """Return the camera's name and its CameraInfo from the content of such a file.
+
+    Parameters
+    ----------
+    content : object
+        As of `stcalib_ros.io.yaml_files.read_yaml`.
+    path : Path
+        For errors.
+
+    Raises
+    ------
+    InputError
+        As of `read_camera_info_yaml`.
+    """
+    top = Entry(content, str(path), ": ")
     roi = top.get("roi", {})
     x, y, width, height = (
         roi.get(side, 0).count() for side in ("x_offset", "y_offset", "width", "height")

@@ -97,6 +97,11 @@ NODE_SPECS = (
 _OPTIONS = (
     Spec("reference", "", "Camera that gives the reference frame and clock; empty: the first."),
     Spec("offset_range_s", 2.0, "Clocks are searched within +- this; 0: they agree."),
+    Spec(
+        "align",
+        "auto",
+        "Added to stamps first: auto, starts, stamps, seconds (not of the reference), CAM=S,...",
+    ),
     Spec("min_score", 0.3, "Joints with a lower score are not used."),
     Spec("min_common_frames", 12, "Number of images that two cameras must share in time."),
     Spec(

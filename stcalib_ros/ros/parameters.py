@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +28,8 @@ from stcalib_ros.ros.limits import (
 from stcalib_ros.ros.parameter_specs import CAMERAS, OPTION_SPECS, Spec, all_specs
 from stcalib_ros.ros.streams import Limits
 
+_QOS_OVERRIDES = "qos_overrides."
+"""Begin of parameters that are declared with the topics that they are of."""
 _NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 
 
@@ -176,11 +181,41 @@ def declare(node: Any) -> dict[str, Any]:
     Raises
     ------
     InputError
-        A value that was given has the wrong type or is out of its range.
+        A value that was given has the wrong type or is out of its range, or there is no such
+        parameter.
     """
     values = {CAMERAS.name: declared(node, CAMERAS)}
     names = require_camera_names(values[CAMERAS.name])
-    return values | {spec.name: declared(node, spec) for spec in all_specs(names)}
+    values |= {spec.name: declared(node, spec) for spec in all_specs(names)}
+    require_known(node)
+    return values
+
+
+def require_known(node: Any) -> None:
+    """Demand that every parameter that was given is one that the node has declared.
+
+    Raises
+    ------
+    InputError
+        One is not, or a file of parameters has none of this node.
+    """
+    given = node._parameter_overrides  # there is no public list of them
+    files = [file for word, file in pairwise(sys.argv) if word == "--params-file"]
+    if files and not given:
+        name = node.get_fully_qualified_name()
+        raise InputError(
+            f"{', '.join(files)} has no parameters of {name}: they stand under {name}: or /**:, "
+            "and there under ros__parameters:"
+        )
+    unknown = [
+        name
+        for name in given
+        if not node.has_parameter(name) and not name.startswith(_QOS_OVERRIDES)
+    ]
+    if unknown:
+        near = get_close_matches(unknown[0], node.get_parameters_by_prefix(""))
+        hint = f"did you mean {' or '.join(near)}?" if near else "see `ros2 param list`"
+        raise InputError(f"unknown parameter {unknown[0]}: {hint}")
 
 
 def declared(node: Any, spec: Spec) -> Any:

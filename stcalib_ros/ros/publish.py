@@ -64,10 +64,11 @@ def publish_result(
     """
     from stcalib_ros.ros.convert import calibration_result, time_message
     from stcalib_ros.ros.parameter_specs import TF_SPECS
-    from stcalib_ros.ros.parameters import declared
+    from stcalib_ros.ros.parameters import declared, require_known
     from stcalib_ros.ros.publishers import Publishers
 
     tf = {spec.name: declared(node, spec) for spec in TF_SPECS}
+    require_known(node)
     settings = _PublisherSettings(calibration.cameras, **tf)
     stamp = time_message(calibration.window_s[1])
     result = calibration_result(calibration, run_id=run_id, stamp=stamp, frame_rates=frame_rates)
@@ -97,16 +98,14 @@ def main() -> int:
 
 def _publish(argv: Sequence[str]) -> None:
     import rclpy
-    from rclpy.signals import SignalHandlerOptions
 
     from stcalib_ros.io.results import read_usable_result
-    from stcalib_ros.ros.running import spin_until, stop_on_signals
+    from stcalib_ros.ros.running import spin_until, start_node, stop_on_signals
 
     path = _parsed(argv).result
     calibration = read_usable_result(path)
     stop = stop_on_signals()
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("publish")
+    node = start_node("publish")
     try:
         publish_result(node, calibration, run_id=f"file-{path.stem}", every_lens=True)
         node.get_logger().info(

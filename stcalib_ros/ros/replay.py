@@ -122,14 +122,12 @@ def _parsed(argv: Sequence[str]) -> argparse.Namespace:
 def _serve(args: argparse.Namespace, calibrated: tuple[Recording, Calibration] | None) -> None:
     """Publish and play, until done or interrupted."""
     import rclpy
-    from rclpy.signals import SignalHandlerOptions
 
     from stcalib_ros.ros.player import Player, PlayOptions
-    from stcalib_ros.ros.running import spin_until, stop_on_signals
+    from stcalib_ros.ros.running import spin_until, start_node, stop_on_signals
 
     stop = stop_on_signals()
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("replay")
+    node = start_node("replay")
     try:
         if args.publish and calibrated is not None:
             _publish(node, *calibrated, run_id=f"replay-{args.bag.stem}")

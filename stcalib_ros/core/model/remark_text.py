@@ -95,6 +95,10 @@ REMARKS = {
         "images near their stamps, or others are far away in time; its clock may have been set "
         "in between"
     ),
+    RemarkCode.CLOCKS_ALIGNED: (
+        "{seconds:.3f} s were added to the stamps of {cameras} before clocks were searched within "
+        "{range_s:g} s, since {detail}: a guess, which time offsets contain; --align gives another"
+    ),
     RemarkCode.LENS_HELD: (
         "{camera}: its lens stays as it was given: people's motion does not determine its focal "
         "length to {limit_percent:.1f} %; let people come near and walk from side to side"
