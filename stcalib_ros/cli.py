@@ -27,7 +27,7 @@ _COMMANDS = {
     "calibrate": "calibrate the cameras of a bag",
     "evaluate": "compare a result with the truth",
     "simulate": "make a bag with a known answer",
-    "convert": "make a bag from a multi-view .npz file",
+    "convert": "make a bag from poses in the files of other programs",
 }
 
 _DESCRIPTION = """\

@@ -145,3 +145,7 @@ definition of the encodings."""
 
 MAX_QUOTED = 200
 """Characters of the text of an error that others made; the rest is what they have read. Chosen."""
+
+MAX_SOURCE_FILES = 1_000_000
+"""Files of a source of poses, which has one for each image: an hour of eight cameras at 30 Hz has
+864,000. Chosen; not measured."""
