@@ -149,3 +149,6 @@ MAX_QUOTED = 200
 MAX_SOURCE_FILES = 1_000_000
 """Files of a source of poses, which has one for each image: an hour of eight cameras at 30 Hz has
 864,000. Chosen; not measured."""
+
+MAX_LABELS_BYTES = 10_000_000
+"""Bytes of a file of labels of one image, of which 100 people have 60,000. Chosen."""

@@ -10,13 +10,26 @@ import numpy as np
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.sources.cameras import files_below, natural_order
-from stcalib_ros.io.sources.form import CameraPoses, PoseFormat, PoseSource, SourceOptions
+from stcalib_ros.io.sources.coco import ALPHAPOSE, COCO
+from stcalib_ros.io.sources.form import (
+    CameraPoses,
+    PoseFormat,
+    PoseSource,
+    SourceOptions,
+    reading,
+)
+from stcalib_ros.io.sources.mmpose import MMPOSE
 from stcalib_ros.io.sources.openpose import OPENPOSE
+from stcalib_ros.io.sources.ultralytics import ULTRALYTICS
 
 __all__ = ["SOURCES", "PoseSource", "SourceOptions", "part_of_source", "read_source"]
 
 SOURCES: Mapping[str, PoseFormat] = {
     "openpose": OPENPOSE,
+    "alphapose": ALPHAPOSE,
+    "mmpose": MMPOSE,
+    "coco": COCO,
+    "ultralytics": ULTRALYTICS,
 }
 """Formats by their names, in the order in which they are tried: special ones first."""
 
@@ -35,7 +48,9 @@ def read_source(name: str, path: Path) -> PoseSource:
     InputError
         Files are missing or have another form, or there is no pose in them.
     """
-    source = SOURCES[name].read(path, files_below(path))
+    files = files_below(path)
+    with reading(path, SOURCES[name].what):
+        source = SOURCES[name].read(path, files)
     if not any(camera.poses for camera in source.cameras):
         raise InputError(f"{path} has no poses of {SOURCES[name].what}")
     cameras = sorted(source.cameras, key=lambda camera: natural_order(camera.name))

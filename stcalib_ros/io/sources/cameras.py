@@ -18,12 +18,19 @@ of the joints, have 20,000 before the first pose. Measured."""
 _N_LOOKED_AT = 50
 """Files that are looked at to recognise a source, count: images at its begin may be without people.
 Chosen."""
+_MAX_CAMERAS = 256
+"""Cameras, count. Names of images that begin in more ways are taken for something else, as dates.
+Chosen: above the largest rigs."""
 _NUMBER = re.compile(r"(.*?)(\d+)\D*")
 _SECONDS = re.compile(r"(.*?)(?<!\d)(\d{10})[._-](\d{9}|\d{6}|\d{3})(?!\d)\D*")
 """A stamp of seconds and their fraction in the name of a file."""
 _UNIX_DIGITS = {13: 6, 16: 3, 19: 0}
 """Digits of a Unix time in ms, us and ns, and the power of ten that makes it ns."""
-_ENDINGS = re.compile(r"([_.-](json|keypoints|openpose|alphapose|results|poses?|2d))+$", re.I)
+_ADDED = re.compile(
+    r"^((results|predictions|keypoints|poses?)[_.-])+"
+    r"|([_.-](json|keypoints|openpose|alphapose|results|poses?|2d))+$",
+    re.IGNORECASE,
+)
 """What programs add to the name of a camera."""
 
 
@@ -105,13 +112,17 @@ def by_camera_and_image(
     for file in files:
         prefix, numbered = _numbered(file)
         groups.setdefault((*_folders(root, file), prefix), []).append(numbered)
+    if len(groups) > _MAX_CAMERAS:
+        raise InputError(
+            f"{root}: names of images begin in {len(groups)} ways, so that no camera can be told: "
+            "give each camera a folder, and its images numbers"
+        )
     names = _names(root, list(groups))
     return {n: _ordered(root, g) for n, g in zip(names, groups.values(), strict=True)}
 
 
 def _folders(root: Path, file: PurePath) -> tuple[str, ...]:
-    inside = file.relative_to(root) if file.is_absolute() or file.is_relative_to(root) else file
-    return inside.parts[:-1]
+    return file.relative_to(root if root.is_dir() else root.parent).parts[:-1]
 
 
 def _numbered(file: PurePath) -> tuple[str, NumberedFile]:
@@ -146,7 +157,7 @@ def _names(root: Path, keys: Sequence[tuple[str, ...]]) -> list[str]:
     columns = [tuple(plain_name(part) for part in column) for column in columns]
     if len(keys) == 1:
         return [next((part for (part,) in columns if part), plain_name(root.stem) or "cam0")]
-    telling = [column for column in columns if len(set(column)) > 1]
+    telling = [column for column in columns if len(set(column)) > 1] or columns
     alone = [column for column in telling if len(set(column)) == len(keys) and all(column)]
     names = (
         list(alone[0]) if alone else ["_".join(filter(None, p)) for p in zip(*telling, strict=True)]
@@ -161,7 +172,7 @@ def _names(root: Path, keys: Sequence[tuple[str, ...]]) -> list[str]:
 
 def plain_name(text: str) -> str:
     """Return a camera's name as topics can have it: letters, digits and underscores."""
-    name = re.sub(r"\W", "_", _ENDINGS.sub("", text), flags=re.ASCII).strip("_")
+    name = re.sub(r"\W", "_", _ADDED.sub("", text), flags=re.ASCII).strip("_")
     return f"cam{name}" if name[:1].isdigit() else name
 
 

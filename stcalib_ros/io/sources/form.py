@@ -15,7 +15,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.io.json_files import MALFORMED
-from stcalib_ros.io.limits import MAX_COUNT, MAX_TABLE
+from stcalib_ros.io.limits import MAX_COUNT
 
 UNTRACKED = -1
 """No unit. Id of a pose that no tracker follows. Chosen: ids of trackers are 0 or more."""
@@ -139,30 +139,15 @@ def points_of(flat: ArrayLike) -> Float64Array:
     return np.asarray(flat, dtype=np.float64).reshape(-1, 3)
 
 
+def track_of(value: object) -> int:
+    """Return the id of a person, which may be in a list; none or -1 is `UNTRACKED`."""
+    ids = [] if value is None else value if isinstance(value, list) else [value]
+    return UNTRACKED if not ids or ids[0] == UNTRACKED else whole_number(ids[0])
+
+
 def whole_number(value: object) -> int:
     """Return a number of an image or person; a ValueError or TypeError if it is none."""
     number = float(value)  # type: ignore[arg-type]
     if not (number.is_integer() and 0 <= number <= MAX_COUNT):
-        raise ValueError(f"{value!r} is no number of an image or person")
+        raise ValueError(f"{value} is no number of an image or person")
     return int(number)
-
-
-def all_images(numbers: Sequence[int] | set[int], path: Path) -> IntArray:
-    """Numbers of all images from the first to the last one of those in which somebody was found.
-
-    Where only every n-th image was looked at, it is every n-th.
-
-    Raises
-    ------
-    InputError
-        There are none, or more than a recording has.
-    """
-    known = np.unique(np.array(sorted(numbers), dtype=np.int64))
-    if not len(known):
-        raise InputError(f"{path} has no poses")
-    step = int(np.gcd.reduce(np.diff(known))) if len(known) > 1 else 1
-    if (n := (int(known[-1]) - int(known[0])) // step) > MAX_TABLE:
-        raise InputError(
-            f"{path}: images are numbered {known[0]} to {known[-1]}: {n} images are too many"
-        )
-    return np.arange(int(known[0]), int(known[-1]) + 1, step)

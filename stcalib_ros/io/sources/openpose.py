@@ -12,29 +12,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
-
-import numpy as np
+from pathlib import Path, PurePath
 
 from stcalib_ros.io.json_files import read_json
-from stcalib_ros.io.sources.cameras import (
-    NumberedFile,
-    by_camera_and_image,
-    head,
-    looked_at,
-    with_suffix,
-)
-from stcalib_ros.io.sources.form import (
-    UNTRACKED,
-    CameraPoses,
-    Pose,
-    PoseFormat,
-    PoseSource,
-    points_of,
-    reading,
-    whole_number,
-)
+from stcalib_ros.io.sources.cameras import head, looked_at, with_suffix
+from stcalib_ros.io.sources.form import PoseFormat, PoseSource, points_of, reading, track_of
+from stcalib_ros.io.sources.images import PersonInImage, cameras_of_images
 
 _EMPTY = re.compile(r'"people"\s*:\s*\[\s*\]')
 
@@ -57,38 +40,19 @@ def read_openpose(path: Path, files: Sequence[Path]) -> PoseSource:
     InputError
         A file has another form, or its name no number.
     """
-    groups = by_camera_and_image(path, with_suffix(files, ".json"))
-    return PoseSource(path, tuple(_camera(name, group) for name, group in groups.items()))
+    found: dict[PurePath, list[PersonInImage]]
+    found = {file: _people(file) for file in with_suffix(files, ".json")}
+    return PoseSource(path, cameras_of_images(path, found, complete=True))
 
 
-def _camera(name: str, files: Sequence[NumberedFile]) -> CameraPoses:
-    poses = [pose for file in files for pose in _poses(Path(file.path), file.image)]
-    stamps = [file.stamp_ns for file in files if file.stamp_ns is not None]
-    return CameraPoses(
-        name,
-        np.array([file.image for file in files], dtype=np.int64),
-        tuple(poses),
-        np.array(stamps, dtype=np.int64) if len(stamps) == len(files) else None,
-    )
-
-
-def _poses(file: Path, image: int) -> list[Pose]:
+def _people(file: Path) -> list[PersonInImage]:
     content = read_json(file)
     with reading(file, "a result of OpenPose"):
-        found = [
-            (_id(person), points_of(person["pose_keypoints_2d"])) for person in content["people"]
+        people = [
+            PersonInImage(track_of(person.get("person_id")), points_of(person["pose_keypoints_2d"]))
+            for person in content["people"]
         ]
-    return [Pose(image, track, points) for track, points in found if len(points)]
+    return [person for person in people if len(person.points)]
 
 
-def _id(person: dict[str, Any]) -> int:
-    """Id of a tracked person, which is a number in a list."""
-    value = np.ravel(person.get("person_id", UNTRACKED))
-    return UNTRACKED if not len(value) or value[0] == UNTRACKED else whole_number(value[0])
-
-
-OPENPOSE = PoseFormat(
-    "OpenPose's JSON, a file for each image",
-    is_openpose,
-    read_openpose,
-)
+OPENPOSE = PoseFormat("OpenPose's JSON, a file for each image", is_openpose, read_openpose)
