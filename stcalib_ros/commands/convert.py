@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from stcalib_ros.commands.bag_and_truth import add_output_arguments, require_outputs, write_outputs
@@ -17,6 +18,8 @@ from stcalib_ros.io.lens_files import lenses_of
 from stcalib_ros.io.npz_files import read_npz
 from stcalib_ros.io.sources import SOURCES, SourceOptions, part_of_source, read_source
 from stcalib_ros.io.sources.recording import recording_of_source
+from stcalib_ros.io.sources.tables import with_stamps
+from stcalib_ros.io.sources.videos import with_videos
 
 MAX_SEED = 2**63
 """Largest seed of random numbers, as of a simulated scene."""
@@ -24,7 +27,7 @@ MAX_SEED = 2**63
 MAX_NOISE_PX = 1e4
 """Pixels. Noise that is larger leaves nothing of a pose, as of a simulated scene."""
 
-_SOURCE_OPTIONS = ("image_size", "intrinsics")
+_SOURCE_OPTIONS = ("image_size", "intrinsics", "videos", "stamps")
 _POSES = "\n".join(f"  {name:<12} {source.what}" for name, source in SOURCES.items())
 
 DESCRIPTION = f"""\
@@ -109,6 +112,18 @@ def _add_source_arguments(parser: argparse.ArgumentParser) -> None:
         help="lenses: camera_info YAML, Kalibr, OpenCV, TOML, COLMAP, or a folder of them "
         "(default: those in SOURCE, or none: calibrate with --intrinsics unknown)",
     )
+    group.add_argument(
+        "--videos",
+        type=Path,
+        metavar="DIR",
+        help="folder of the videos, CAMERA.mp4, which say frame rate and size",
+    )
+    group.add_argument(
+        "--stamps",
+        type=Path,
+        metavar="FILE.csv",
+        help="time of each image: columns camera, frame, stamp; or a folder of CAMERA.csv",
+    )
 
 
 def _add_dataset_arguments(parser: argparse.ArgumentParser) -> None:
@@ -145,11 +160,16 @@ def _converted(name: str, args: argparse.Namespace) -> tuple[Recording, Calibrat
 
 def _recording(name: str, args: argparse.Namespace, options: ConvertOptions) -> Recording:
     wanted = args.cameras.split(",") if args.cameras else None
-    source = part_of_source(read_source(name, args.source), wanted, args.frames)
+    source = part_of_source(read_source(name, args.source), wanted, None)
+    if args.videos is not None:
+        source = replace(source, cameras=with_videos(source.cameras, args.videos))
+    if args.stamps is not None:
+        source = with_stamps(source, args.stamps)
     names = [camera.name for camera in source.cameras]
     lenses = {}
     if args.intrinsics is not None:
         lenses = lenses_of(args.intrinsics, names, image_size=args.image_size)
+    source = part_of_source(source, None, args.frames)
     return recording_of_source(source, options, SourceOptions(args.image_size, lenses))
 
 

@@ -152,3 +152,7 @@ MAX_SOURCE_FILES = 1_000_000
 
 MAX_LABELS_BYTES = 10_000_000
 """Bytes of a file of labels of one image, of which 100 people have 60,000. Chosen."""
+
+MAX_CSV_BYTES = 1 << 28
+"""Bytes. A larger table is not read: points of three people in four cameras for ten minutes have
+0.2 GB. Chosen."""

@@ -18,7 +18,11 @@ from stcalib_ros.io.formats import FORMATS
         ({"x/a.mp4": b"0"}, "x", "x is a folder of 1 .mp4, and none of the formats"),
         ({"x/a.mp4": b"0"}, "x/a.mp4", "a file .mp4 of 1 bytes, and none of the formats"),
         ({"x/.hidden": b"0"}, "x", "x is an empty folder, and none of"),
-        ({"x.json": b'{"a": 1}'}, "x.json", "none of the formats that can be converted: npz, open"),
+        (
+            {"x.json": b'{"a": 1}'},
+            "x.json",
+            "none of the formats that can be converted: npz, pose2sim",
+        ),
         ({"x.npz": b"PK"}, "x.npz", "a file .npz of 2 bytes"),
         ({"x.json": b"\xff\xfe\x00"}, "x.json", "none of the formats"),
     ],

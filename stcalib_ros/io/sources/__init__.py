@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.io.sources.caliscope import CALISCOPE
 from stcalib_ros.io.sources.cameras import files_below, natural_order
 from stcalib_ros.io.sources.coco import ALPHAPOSE, COCO
 from stcalib_ros.io.sources.form import (
@@ -20,11 +21,14 @@ from stcalib_ros.io.sources.form import (
 )
 from stcalib_ros.io.sources.mmpose import MMPOSE
 from stcalib_ros.io.sources.openpose import OPENPOSE
+from stcalib_ros.io.sources.pose2sim import POSE2SIM
 from stcalib_ros.io.sources.ultralytics import ULTRALYTICS
 
 __all__ = ["SOURCES", "PoseSource", "SourceOptions", "part_of_source", "read_source"]
 
 SOURCES: Mapping[str, PoseFormat] = {
+    "pose2sim": POSE2SIM,
+    "caliscope": CALISCOPE,
     "openpose": OPENPOSE,
     "alphapose": ALPHAPOSE,
     "mmpose": MMPOSE,

@@ -49,6 +49,8 @@ class CameraPoses:
         Width and height of the image, px, if the source says so.
     lens : Intrinsics or None
         If the source has it.
+    fps : float or None
+        Frame rate by the source.
     """
 
     name: str
@@ -57,6 +59,7 @@ class CameraPoses:
     stamps_ns: IntArray | None = None
     size: tuple[int, int] | None = None
     lens: Intrinsics | None = None
+    fps: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,8 +70,6 @@ class PoseSource:
     ----------
     path : Path
     cameras : tuple of CameraPoses
-    fps : float or None
-        Frame rate by the source.
     layout : str
         Name of the layout by the source; empty: by the number of keypoints.
     normalised : bool
@@ -77,7 +78,6 @@ class PoseSource:
 
     path: Path
     cameras: tuple[CameraPoses, ...]
-    fps: float | None = None
     layout: str = ""
     normalised: bool = False
 
@@ -92,13 +92,10 @@ class SourceOptions:
         Width and height of the images of all cameras, px, where the source does not say.
     lenses : mapping of str to Intrinsics
         By the name of the camera; they take precedence over those of the source.
-    stamps : Path or None
-        CSV file with the time of each image.
     """
 
     image_size: tuple[int, int] | None = None
     lenses: Mapping[str, Intrinsics] = field(default_factory=dict)
-    stamps: Path | None = None
 
 
 class PoseFormat(NamedTuple):

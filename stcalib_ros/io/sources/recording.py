@@ -64,8 +64,7 @@ def recording_of_source(
     names = [camera.name for camera in source.cameras]
     require_cameras(source.path, names, options)
     layout = _layout(source, options.layout)
-    fps = source.fps if options.fps is None else options.fps
-    stamps = [_stamps_ns(source.path, camera, fps, options) for camera in source.cameras]
+    stamps = [_stamps_ns(source.path, camera, options) for camera in source.cameras]
     ends = [int(all_ns[k]) / NS for all_ns in stamps for k in (0, -1)]
     require_stamps(source.path, ends)
     epoch_ns = int(min(all_ns[0] for all_ns in stamps)) // NS * NS
@@ -108,9 +107,7 @@ def _layout(source: PoseSource, wanted: str | None) -> Layout:
     return layout
 
 
-def _stamps_ns(
-    path: Path, camera: CameraPoses, fps: float | None, options: ConvertOptions
-) -> IntArray:
+def _stamps_ns(path: Path, camera: CameraPoses, options: ConvertOptions) -> IntArray:
     shift_ns = round(options.clock_shifts_s.get(camera.name, 0.0) * NS)
     if camera.stamps_ns is not None:
         stamps = camera.stamps_ns
@@ -122,6 +119,7 @@ def _stamps_ns(
             )
         start_ns = options.start_s * NS if stamps[0] < NS * NS else 0
         return np.asarray(stamps + start_ns + shift_ns)
+    fps = camera.fps if options.fps is None else options.fps
     if fps is None:
         raise InputError(
             f"{path} does not say how many images a second were taken: give --fps HZ, or the time "
