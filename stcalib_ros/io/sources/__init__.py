@@ -12,6 +12,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.sources.caliscope import CALISCOPE
 from stcalib_ros.io.sources.cameras import files_below, natural_order
 from stcalib_ros.io.sources.coco import ALPHAPOSE, COCO
+from stcalib_ros.io.sources.easymocap import EASYMOCAP_2D
 from stcalib_ros.io.sources.form import (
     CameraPoses,
     PoseFormat,
@@ -19,6 +20,8 @@ from stcalib_ros.io.sources.form import (
     SourceOptions,
     reading,
 )
+from stcalib_ros.io.sources.freemocap import FREEMOCAP
+from stcalib_ros.io.sources.landmarks import MEDIAPIPE
 from stcalib_ros.io.sources.mmpose import MMPOSE
 from stcalib_ros.io.sources.openpose import OPENPOSE
 from stcalib_ros.io.sources.pose2sim import POSE2SIM
@@ -29,11 +32,14 @@ __all__ = ["SOURCES", "PoseSource", "SourceOptions", "part_of_source", "read_sou
 SOURCES: Mapping[str, PoseFormat] = {
     "pose2sim": POSE2SIM,
     "caliscope": CALISCOPE,
+    "freemocap": FREEMOCAP,
+    "easymocap_2d": EASYMOCAP_2D,
     "openpose": OPENPOSE,
     "alphapose": ALPHAPOSE,
     "mmpose": MMPOSE,
     "coco": COCO,
     "ultralytics": ULTRALYTICS,
+    "mediapipe": MEDIAPIPE,
 }
 """Formats by their names, in the order in which they are tried: special ones first."""
 

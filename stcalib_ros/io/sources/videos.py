@@ -12,7 +12,8 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.sources.cameras import plain_name
 from stcalib_ros.io.sources.form import CameraPoses
 
-_ENDINGS = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm")
+VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".webm")
+"""Endings of the names of videos, in small letters."""
 
 
 def with_videos(cameras: Iterable[CameraPoses], folder: Path) -> tuple[CameraPoses, ...]:
@@ -26,7 +27,7 @@ def with_videos(cameras: Iterable[CameraPoses], folder: Path) -> tuple[CameraPos
         A video cannot be read.
     """
     files = sorted(folder.iterdir()) if folder.is_dir() else []
-    videos = {plain_name(f.stem): f for f in files if f.suffix.lower() in _ENDINGS}
+    videos = {plain_name(f.stem): f for f in files if f.suffix.lower() in VIDEO_ENDINGS}
     return tuple(
         _with_video(camera, videos[camera.name]) if camera.name in videos else camera
         for camera in cameras
