@@ -30,7 +30,7 @@ _COMMANDS = {
     "evaluate": "compare a result with the truth",
     "people": "write the people of a bag in 3D, by a result",
     "simulate": "make a bag with a known answer",
-    "convert": "make a bag from a multi-view .npz file",
+    "convert": "make a bag from poses in the files of other programs",
     "export": "write a result in the format of another program",
 }
 
