@@ -21,6 +21,7 @@ from export_helpers import (
     FISHEYE,
     PINHOLE,
     PLUMB_BOB,
+    POINTS,
     RADTAN,
     RATIONAL,
     RECTIFIED,
@@ -36,10 +37,12 @@ from scipy.spatial.transform import Rotation
 
 from stcalib_ros.cli import main
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.lens import project
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
 from stcalib_ros.io.camera_info_yaml import read_camera_info_yaml
 from stcalib_ros.io.exports import EXPORTS, Exported, exported_files, write_files
+from stcalib_ros.io.lens_files import read_lenses
 from stcalib_ros.io.npz_files import read_npz
 from stcalib_ros.io.results import read_result, write_result
 
@@ -323,6 +326,16 @@ def test_gltf_shows_cameras_and_people(tmp_path: Path, place: Any) -> None:
     nearest = np.abs(ends[:, None] - joints[None]).max(-1)
     assert np.nanmin(nearest, axis=1).max() < 1e-6
     np.testing.assert_array_equal(accessor.max, ends.max(0))
+
+
+@pytest.mark.parametrize("form", ["kalibr", "colmap", "opencv", "aniposelib", "caliscope"])
+def test_lenses_are_read_back_by_us(tmp_path: Path, form: str) -> None:
+    calibration = rig(PINHOLE, RADTAN, FISHEYE)
+    name = f"out{next(iter(EXPORTS[form].endings), '')}"
+    found = read_lenses(written(calibration, form, tmp_path / name))
+    for one in calibration.cameras:
+        expected = project(POINTS, one.intrinsics)
+        np.testing.assert_allclose(project(POINTS, found[one.name]), expected, **PX)
 
 
 def test_gltf_without_people_has_no_mesh(tmp_path: Path) -> None:
