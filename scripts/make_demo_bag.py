@@ -12,7 +12,8 @@ import argparse
 from pathlib import Path
 
 from stcalib_ros.io.bag_writer import write_bag
-from stcalib_ros.io.convert import ConvertOptions, convert_npz
+from stcalib_ros.io.convert import convert_npz
+from stcalib_ros.io.convert_options import ConvertOptions
 from stcalib_ros.io.results import write_result
 
 DEMO = Path(__file__).parent.parent / "stcalib_ros" / "data" / "demo"

@@ -27,6 +27,8 @@ from pkgutil import extend_path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from stcalib_ros.core.capture.people import Capture, capture_people
+    from stcalib_ros.core.diagnosis.examine import Diagnosis, examine
     from stcalib_ros.core.errors import CalibrationError, Cancelled, InputError, StcalibError
     from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
     from stcalib_ros.core.model.calibration import (
@@ -50,12 +52,14 @@ if TYPE_CHECKING:
     from stcalib_ros.core.model.scale_cues import Distance
     from stcalib_ros.core.options import Options
     from stcalib_ros.core.pipeline import calibrate, run_stages
+    from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
     from stcalib_ros.core.stages import Stages
     from stcalib_ros.core.synthetic.options import SceneOptions
     from stcalib_ros.core.synthetic.scene import simulate
     from stcalib_ros.io.bag import read_bag
     from stcalib_ros.io.bag_writer import write_bag
     from stcalib_ros.io.camera_info_yaml import write_camera_info
+    from stcalib_ros.io.exports import export_calibration
     from stcalib_ros.io.results import read_result, write_result
 
 __all__ = [
@@ -65,6 +69,8 @@ __all__ = [
     "CameraCalibration",
     "CameraRecording",
     "Cancelled",
+    "Capture",
+    "Diagnosis",
     "Distance",
     "Evaluation",
     "InputError",
@@ -75,6 +81,7 @@ __all__ = [
     "LensStddev",
     "Options",
     "PersonAssociation",
+    "PersonTrajectory",
     "Recording",
     "Rejection",
     "RejectionReason",
@@ -86,7 +93,10 @@ __all__ = [
     "__version__",
     "calibrate",
     "camera_from_arrays",
+    "capture_people",
     "evaluate",
+    "examine",
+    "export_calibration",
     "find_layout",
     "keypoints_only",
     "read_bag",
@@ -104,6 +114,11 @@ __path__ = extend_path(__path__, __name__)
 __version__ = "0.1.0"
 
 _MODULE_OF = {
+    "Capture": "core.capture.people",
+    "capture_people": "core.capture.people",
+    "PersonTrajectory": "core.reconstruction.trajectories",
+    "Diagnosis": "core.diagnosis.examine",
+    "examine": "core.diagnosis.examine",
     "CalibrationError": "core.errors",
     "Cancelled": "core.errors",
     "InputError": "core.errors",
@@ -138,6 +153,7 @@ _MODULE_OF = {
     "read_bag": "io.bag",
     "write_bag": "io.bag_writer",
     "write_camera_info": "io.camera_info_yaml",
+    "export_calibration": "io.exports",
     "read_result": "io.results",
     "write_result": "io.results",
 }

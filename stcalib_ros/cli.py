@@ -25,9 +25,13 @@ _MAX_ERROR = 5000
 
 _COMMANDS = {
     "calibrate": "calibrate the cameras of a bag",
+    "clocks": "say how to cut videos so that they are synchronous",
+    "doctor": "say what is in a bag, and whether it will calibrate",
     "evaluate": "compare a result with the truth",
+    "people": "write the people of a bag in 3D, by a result",
     "simulate": "make a bag with a known answer",
-    "convert": "make a bag from a multi-view .npz file",
+    "convert": "make a bag from poses in the files of other programs",
+    "export": "write a result in the format of another program",
 }
 
 _DESCRIPTION = """\

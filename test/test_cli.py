@@ -31,7 +31,7 @@ from stcalib_ros.io.results import read_result, write_result
 
 DEMO = Path(stcalib_ros.__file__).parent / "data" / "demo"
 BAG, TRUTH = str(DEMO / "balance.mcap"), str(DEMO / "balance_truth.yaml")
-COMMANDS = ("calibrate", "evaluate", "simulate", "convert")
+COMMANDS = ("calibrate", "clocks", "doctor", "evaluate", "people", "simulate", "convert", "export")
 
 Solver = Callable[..., Calibration]
 

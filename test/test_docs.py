@@ -52,7 +52,7 @@ def indented_commands(page: Path) -> list[list[str]]:
 
 def options_of(command: str) -> set[str]:
     parser = argparse.ArgumentParser()
-    package = "ros" if command == "replay" else "commands"
+    package = "ros" if command in ("replay", "publish") else "commands"
     import_module(f"stcalib_ros.{package}.{command}").add_arguments(parser)
     return {option for action in parser._actions for option in action.option_strings}
 
@@ -89,9 +89,10 @@ def check_ros2(words: list[str]) -> None:
     elif words[2] in ("calibrator", "restamp"):
         assert words[1:] == [*words[1:3], "--ros-args", "--params-file", f"{words[2]}.yaml"]
     else:
-        assert words[:3] == ["run", "stcalib_ros", "replay"]
+        assert words[:2] == ["run", "stcalib_ros"]
+        assert words[2] in ("replay", "publish")
         own = itertools.takewhile(lambda word: word != "--ros-args", words)
-        assert given_options(list(own)) <= options_of("replay")
+        assert given_options(list(own)) <= options_of(words[2])
 
 
 def check_interface(words: str) -> None:

@@ -78,7 +78,9 @@ def test_of_all_cameras_or_of_one(tmp_path: Path) -> None:
         ("foo", "all cameras: expected given, refine or unknown, got 'foo'"),
         ("cam01=foo", "cam01: expected given, refine or unknown, got 'foo'"),
         ("=refine", "expected CAM=refine, got '=refine'"),
-        ("cam01.yaml", "expected CAM=cam01.yaml, got 'cam01.yaml'"),
+        ("=a.yaml", "expected CAM=a.yaml, got '=a.yaml'"),
+        ("cam01=", "expected CAM=FILE, got 'cam01='"),
+        ("lenses", "refine or unknown, got 'lenses', and there is no such file"),
     ],
 )
 def test_unusable(value: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -115,6 +117,66 @@ def test_a_file_takes_the_place_of_camera_info(tmp_path: Path) -> None:
         read_bag(BAG, selection=config("--intrinsics", own).selection)
     with pytest.raises(stcalib_ros.InputError, match=r"no such file: missing\.yaml"):
         config("--intrinsics", "cam01=missing.yaml")
+
+
+def camchain(*names: str) -> str:
+    """Lenses of the demo as Kalibr writes them, the second half a pixel aside."""
+    out = ""
+    for i, name in enumerate(names):
+        lens = read_result(TRUTH).cameras[i].intrinsics
+        K, D = lens.K, np.pad(lens.D, (0, 4))[:4]
+        out += (
+            f"{name}:\n  camera_model: pinhole\n  distortion_model: radtan\n"
+            f"  intrinsics: [{K[0, 0]}, {K[1, 1]}, {K[0, 2] + 0.5 * i}, {K[1, 2]}]\n"
+            f"  distortion_coeffs: {D.tolist()}\n  resolution: [{lens.width}, {lens.height}]\n"
+        )
+    return out
+
+
+def test_a_file_with_the_lenses_of_all_cameras(tmp_path: Path) -> None:
+    names = ("cam01", "cam02", "cam03", "cam04")
+    file = tmp_path / "camchain.yaml"
+    file.write_text(camchain(*names))
+    given = read_bag(BAG).cameras
+    read = read_bag(BAG, selection=config("--intrinsics", str(file)).selection).cameras
+    moved = [r.intrinsics.K[0, 2] - g.intrinsics.K[0, 2] for r, g in zip(read, given, strict=True)]
+    np.testing.assert_allclose(moved, [0.0, 0.5, 1.0, 1.5], atol=1e-9)
+    assert {c.lens_knowledge for c in read} == {LensKnowledge.GIVEN}
+    worth = config(
+        "--intrinsics", str(file), "--intrinsics", "refine", "--intrinsics", "cam02=given"
+    )
+    guessed = read_bag(BAG, selection=worth.selection).cameras
+    assert [c.lens_knowledge for c in guessed] == [REFINE, LensKnowledge.GIVEN, REFINE, REFINE]
+    assert guessed[1].intrinsics.K[0, 2] == read[1].intrinsics.K[0, 2]
+
+
+def test_a_file_without_one_of_the_cameras(tmp_path: Path) -> None:
+    file = tmp_path / "camchain.yaml"
+    file.write_text(camchain("cam01", "cam02", "right"))
+    with pytest.raises(
+        stcalib_ros.InputError, match=r"no lens of camera cam03, cam04: it has cam01,"
+    ):
+        read_bag(BAG, selection=config("--intrinsics", str(file)).selection)
+    others = ("--intrinsics", f"cam03={file}:right", "--intrinsics", "cam04=given")
+    read = read_bag(BAG, selection=config("--intrinsics", str(file), *others).selection).cameras
+    assert read[2].intrinsics.K[0, 2] == read_result(TRUTH).cameras[2].intrinsics.K[0, 2] + 1.0
+    assert (read[2].lens_knowledge, read[3].lens_knowledge) == (LensKnowledge.GIVEN,) * 2
+    with pytest.raises(
+        stcalib_ros.InputError, match=f"cam03: .*name one of them: cam03={file}:cam01"
+    ):
+        config("--intrinsics", f"cam03={file}")
+
+
+def test_one_lens_is_that_of_all_cameras_or_of_a_group(tmp_path: Path) -> None:
+    file, settings = tmp_path / "camchain.yaml", tmp_path / "c.yaml"
+    file.write_text(camchain("any"))
+    first = read_result(TRUTH).cameras[0].intrinsics
+    read = read_bag(BAG, selection=config("--intrinsics", str(file)).selection).cameras
+    assert {c.intrinsics.K[0, 0] for c in read} == {first.K[0, 0]}
+    settings.write_text("camera: {cam02: {lens_group: wide}, cam03: {lens_group: wide}}")
+    group = config("--intrinsics", f"wide={file}", file=settings)
+    read = read_bag(BAG, selection=group.selection).cameras
+    assert [c.intrinsics.K[0, 0] == first.K[0, 0] for c in read] == [True, True, True, False]
 
 
 def test_a_bag_without_lenses_says_what_to_set(

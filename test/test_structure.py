@@ -20,7 +20,7 @@ CORE = f"{PACKAGE}.core"
 STAGES = (
     *("errors", "model", "options", "geometry", "lifting", "registration", "integration"),
     *("bundle", "control", "refinement", "reconstruction", "paper", "validation", "output"),
-    *("stages", "solution", "methods", "pipeline", "evaluation"),
+    *("stages", "solution", "methods", "pipeline", "diagnosis", "capture", "evaluation"),
 )
 """Parts of core/ from the bottom up: each imports only from those before it (and itself)."""
 
@@ -28,6 +28,7 @@ SEPARATE = {"reconstruction": {"refinement"}}
 """Parts that do not know each other although one stands before the other."""
 
 ALSO = {
+    "capture": ("monitoring.lenses", "monitoring.matching"),
     "evaluation": ("synthetic",),
     "synthetic": ("errors", "model", "geometry"),
     "monitoring": ("errors", "model", "options", "geometry", "lifting", "integration.association"),

@@ -19,7 +19,8 @@ from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.recording import CameraRecording, only_images
 from stcalib_ros.core.options import LensOptions
 from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.convert import Converted, ConvertOptions, convert_arrays
+from stcalib_ros.io.convert import Converted, convert_arrays
+from stcalib_ros.io.convert_options import ConvertOptions
 from stcalib_ros.io.results import read_result
 
 DATA = Path(__file__).parents[1] / "data"

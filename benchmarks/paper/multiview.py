@@ -33,7 +33,8 @@ from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.options import Options, RegistrationOptions, VmfOptions
 from stcalib_ros.core.pipeline import run_stages
-from stcalib_ros.io.convert import ConvertOptions, convert_npz
+from stcalib_ros.io.convert import convert_npz
+from stcalib_ros.io.convert_options import ConvertOptions
 
 TABLE_I = ("160906_pizza1", "soccer1_6", "industry_safety_2")
 TABLE_II = tuple(scene.name for scene in SCENES)

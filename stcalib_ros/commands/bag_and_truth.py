@@ -38,11 +38,13 @@ def require_outputs(args: argparse.Namespace) -> None:
         require_writable(args.truth)
 
 
-def write_outputs(args: argparse.Namespace, recording: Recording, truth: Calibration) -> None:
+def write_outputs(
+    args: argparse.Namespace, recording: Recording, truth: Calibration | None
+) -> None:
     """Write both, and say so."""
     write_bag(recording, args.output)
     images = sum(len(camera.stamps) for camera in recording.cameras)
     print(f"Written to {args.output}: {len(recording.cameras)} cameras, {images} images")
-    if args.truth is not None:
+    if args.truth is not None and truth is not None:
         write_result(truth, args.truth)
         print(f"True values are in {args.truth}")

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stcalib_ros.core.model.recording import Recording
     from stcalib_ros.core.stages import Stages
     from stcalib_ros.io.config import Config
+    from stcalib_ros.io.topics import CameraSelection
 
 # What computes is imported by the functions that need it, for `--help` to be quick.
 
@@ -42,10 +43,17 @@ YAML file with options by name (offset_range_s: 1.0), which cameras in which ord
 (camera: {cam0: {pose_topic: /a, info_topic: /b, frame: c, line_time_s: 15.0e-6}}), and lenses
 (camera: {cam0: {intrinsics: refine, lens_group: gopro, field_of_view_deg: 90}})"""
 
+_ALIGN_HELP = """\
+what is added to stamps before clocks are searched, where they differ by more than --offset-range
+(UTC and time since boot): starts (all cameras began at once), stamps (nothing), or seconds, of all
+cameras but the reference or CAM=S,...; default: a guess where stamps do not overlap, which the
+result names. Offsets contain it"""
+
 _INTRINSICS_HELP = """\
 what the intrinsics in CameraInfo are worth: given (default), refine (a guess, estimated from there
 on) or unknown (estimated; only the size of the image is used); with CAM=, of one camera; or a file
-as of --write-camera-info that takes the place of its CameraInfo; can be repeated"""
+or folder with lenses, which take the place of CameraInfo: camera_info YAML, Kalibr camchain, OpenCV
+YAML or XML, TOML of aniposelib, Pose2Sim and Caliscope, COLMAP cameras.txt; can be repeated"""
 
 
 def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = True) -> None:
@@ -58,9 +66,14 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         metavar="OUT.yaml",
         help="result file to write",
     )
-    parser.add_argument("-c", "--config", type=Path, metavar="FILE", help=_CONFIG_HELP)
     parser.add_argument(
         "--report", type=Path, metavar="OUT.html", help="also write a report with pictures"
+    )
+    parser.add_argument(
+        "--people",
+        type=Path,
+        metavar="OUT.{trc,npz}",
+        help="also write the people in 3D, as `stcalib people` does",
     )
     parser.add_argument(
         "--write-camera-info",
@@ -68,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         metavar="FOLDER",
         help="also write the intrinsics, one CAM.yaml each, as camera_info_manager loads them",
     )
-    _add_option_arguments(parser)
+    add_option_arguments(parser)
     parser.add_argument(
         "--jobs",
         type=count,
@@ -79,8 +92,9 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
     parser.add_argument("-q", "--quiet", action="store_true", help="print warnings and errors only")
 
 
-def _add_option_arguments(parser: argparse.ArgumentParser) -> None:
+def add_option_arguments(parser: argparse.ArgumentParser) -> None:
     """Add those that are options of the calibration, too."""
+    parser.add_argument("-c", "--config", type=Path, metavar="FILE", help=_CONFIG_HELP)
     parser.add_argument(
         "--reference",
         metavar="CAM",
@@ -92,14 +106,25 @@ def _add_option_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="clocks are searched within plus and minus S seconds (default: 2)",
     )
+    parser.add_argument("--align", metavar="{starts,stamps,S,CAM=S,...}", help=_ALIGN_HELP)
     parser.add_argument(
         "--intrinsics",
         type=_intrinsics,
         action="append",
         default=[],
-        metavar="[CAM=]{given,refine,unknown,FILE.yaml}",
+        metavar="[CAM=]{given,refine,unknown,FILE[:NAME]}",
         help=_INTRINSICS_HELP,
     )
+    _add_shutter_arguments(parser)
+    parser.add_argument("--seed", type=int, metavar="N", help="same seed, same result (default: 0)")
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print one JSON object instead of text: status, reasons, cameras",
+    )
+
+
+def _add_shutter_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--line-time",
         type=_line_time,
@@ -112,12 +137,6 @@ def _add_option_arguments(parser: argparse.ArgumentParser) -> None:
         "--estimate-line-time",
         action="store_true",
         help="estimate the line times of rolling shutters",
-    )
-    parser.add_argument("--seed", type=int, metavar="N", help="same seed, same result (default: 0)")
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print one JSON object instead of text: status, reasons, cameras",
     )
 
 
@@ -163,6 +182,8 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
     if args.write_camera_info is not None:
         write_camera_info(stages.calibration, args.write_camera_info)
         written.append(args.write_camera_info)
+    if args.people is not None:
+        written += _write_people(recording, stages, args)
     if not (args.quiet or args.json):
         print(calibration_text(stages.calibration))
         print(f"\nWritten to {' and '.join(map(str, filter(None, written)))}")
@@ -173,9 +194,12 @@ def _require_outputs(args: argparse.Namespace) -> None:
     """Make sure that all files can be written."""
     from stcalib_ros.io.camera_info_yaml import require_camera_info_writable
     from stcalib_ros.io.files import require_writable
+    from stcalib_ros.io.people_files import require_people_writable
     from stcalib_ros.report import require_matplotlib
 
     require_writable(args.output)
+    if args.people is not None:
+        require_people_writable(args.people)
     if args.report is not None:
         require_writable(args.report)
         require_matplotlib("--report")
@@ -185,23 +209,40 @@ def _require_outputs(args: argparse.Namespace) -> None:
 
 def config_of(args: argparse.Namespace) -> Config:
     """Read the configuration file; arguments take precedence."""
-    from stcalib_ros.io.camera_info_yaml import read_camera_info_fields
+    from stcalib_ros.core.model.lens_knowledge import LensKnowledge
     from stcalib_ros.io.config import Config, read_config
 
     config = Config() if args.config is None else read_config(args.config)
-    given = {"reference": args.reference, "offset_range_s": args.offset_range, "seed": args.seed}
+    given = {"reference": args.reference, "offset_range_s": args.offset_range}
+    given |= {"seed": args.seed, "align": args.align}
     changes = {name: value for name, value in given.items() if value is not None}
     if args.estimate_line_time:
         changes["estimate_line_time"] = True
     selection = config.selection.with_line_delays(dict(args.line_time))
     for name, worth in args.intrinsics:
         if isinstance(worth, Path):
-            selection = selection.with_lens(name, info=read_camera_info_fields(worth)[1])
+            selection = _with_file(selection, name, worth)
         elif name:
             selection = selection.with_lens(name, knowledge=worth)
         else:
             changes["intrinsics"] = worth.value
+    if selection.lens_file is not None and "intrinsics" in changes:
+        worth = LensKnowledge(changes["intrinsics"])
+        selection = replace(selection, lens_file=replace(selection.lens_file, knowledge=worth))
     return Config(replace(config.options, **changes), selection)
+
+
+def _with_file(selection: CameraSelection, name: str, file: Path) -> CameraSelection:
+    """The same with a file of lenses: of a camera, of a group of cameras, or of all (no name)."""
+    from stcalib_ros.io.lens_files import read_lens_fields, read_lens_of
+    from stcalib_ros.io.lens_settings import LensFile
+
+    if not name:
+        return replace(selection, lens_file=LensFile(str(file), read_lens_fields(file)))
+    group = [camera for camera, own in selection.camera.items() if own.lens.group == name]
+    for camera in group if group and name not in selection.camera else [name]:
+        selection = selection.with_lens(camera, info=read_lens_of(str(file), camera))
+    return selection
 
 
 def _intrinsics(text: str) -> tuple[str, LensKnowledge | Path]:
@@ -209,15 +250,14 @@ def _intrinsics(text: str) -> tuple[str, LensKnowledge | Path]:
     from stcalib_ros.core.model.lens_knowledge import lens_knowledge
 
     name, equals, worth = text.rpartition("=")
-    is_file = worth.endswith((".yaml", ".yml"))
-    if not name and (equals or is_file):
-        raise argparse.ArgumentTypeError(f"expected CAM={worth}, got {text!r}")
-    if is_file:
+    if equals and not (name and worth):
+        raise argparse.ArgumentTypeError(f"expected CAM={worth or 'FILE'}, got {text!r}")
+    if {".", "/"} & set(worth) or Path(worth).exists():
         return name, Path(worth)
     try:
         return name, lens_knowledge(worth, name or "all cameras")
     except InputError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+        raise argparse.ArgumentTypeError(f"{error}, and there is no such file") from None
 
 
 def _line_time(text: str) -> tuple[str, float]:
@@ -251,6 +291,14 @@ def _write_report(recording: Recording, stages: Stages, path: Path) -> Path:
 
     write_report(recording, stages, path)
     return path
+
+
+def _write_people(
+    recording: Recording, stages: Stages, args: argparse.Namespace
+) -> tuple[Path, ...]:
+    from stcalib_ros.commands.people import write
+
+    return write(stages.calibration, stages.trajectories(), recording, args.people)
 
 
 def _refusal(calibration: Calibration, written: Sequence[Path | None]) -> str:

@@ -8,6 +8,7 @@ from numbers import Integral, Real
 from typing import Any, NamedTuple, TypeVar
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.clock_alignment import AUTO, clock_alignment
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.scale_cues import Distance, distances_from_list
 
@@ -273,6 +274,11 @@ class Options:
         What the intrinsics of cameras are worth for which the recording does not say: "given",
         "refine" or "unknown", see `LensKnowledge`; the latter two not with
         ``registration.method`` "vmf".
+    align : str
+        What is added to stamps before offsets are searched, for clocks that differ by more: "auto":
+        a guess, for cameras whose stamps do not overlap with those of the others; "starts": all
+        cameras have their first image at one time; "stamps": nothing; or seconds, for all cameras
+        but the reference or as "CAM=SECONDS,...". Offsets of the result contain it.
     registration, vmf, integration, bundle, scale, lens : options of their own
         Options of single stages.
     """
@@ -291,10 +297,12 @@ class Options:
     world_frame: str = ""
     estimate_line_time: bool = False
     intrinsics: str = LensKnowledge.GIVEN.value
+    align: str = AUTO
 
     def __post_init__(self) -> None:
         _require_valid(self, "")
         _require_one_of("intrinsics", self.intrinsics, INTRINSICS)
+        clock_alignment(self.align)
         if self.estimate_line_time and self.registration.method == "vmf":
             raise InputError(
                 "estimate_line_time: registration.method vmf takes line times as they are given; "
@@ -364,4 +372,6 @@ def _converted(default: Any, value: Any, path: str) -> Any:
         return distances_from_list(value, path)
     if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
+    if path == "align" and isinstance(value, int | float) and not isinstance(value, bool):
+        return str(value)
     return value

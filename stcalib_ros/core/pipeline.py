@@ -22,6 +22,7 @@ from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.options import Options
 from stcalib_ros.core.output.assemble import failed_calibration, make_calibration
+from stcalib_ros.core.output.own_clocks import by_own_clocks
 from stcalib_ros.core.output.world_frame import WorldAlignment, place
 from stcalib_ros.core.registration.resampling import common_grid
 from stcalib_ros.core.solution import CalibrationProblem
@@ -118,7 +119,7 @@ def run_stages(
     rigs: tuple[Rig, ...] = ()
     try:
         selection = select_cameras(views.lifted, reference, options, screened.faults)
-        problem = _problem(views, selection, options, control, executor)
+        problem = make_problem(views, selection, options, control, executor)
         pairs = method.register(problem)
         problem = replace(problem, views=pairs.views or views)
         hypotheses = pairs.hypotheses
@@ -138,13 +139,14 @@ def run_stages(
     )
 
 
-def _problem(
+def make_problem(
     views: LiftedViews,
     selection: Selection,
     options: Options,
     control: Control,
-    executor: Executor | None,
+    executor: Executor | None = None,
 ) -> CalibrationProblem:
+    """Return what the stages after lifting start from: the selected cameras on a common grid."""
     names = tuple(camera.name for camera in views.lifted)
     return CalibrationProblem(
         views,
@@ -188,4 +190,4 @@ def _judged(
         uncalibrated=solution.exclusions.cameras,
         world_frame=options.world_frame,
     )
-    return calibration, alignment
+    return by_own_clocks(calibration, screened.shifts_s), alignment

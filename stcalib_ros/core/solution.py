@@ -111,7 +111,7 @@ def adjust_rigs(
     """
 
     def adjust(rig: Rig, exclusions: Exclusions) -> Start:
-        return _adjust_initially(problem, rig, exclusions)
+        return adjust_initially(problem, rig, exclusions)
 
     start, rival = select_initial_rig(rigs, adjust, exclusions, problem.control.tick)
     if rival is None:
@@ -148,7 +148,7 @@ def _without(rig: Rig, cameras: Sequence[int]) -> Rig | None:
     return sub_rig(rig, kept) if len(kept) > 1 else None
 
 
-def _adjust_initially(problem: CalibrationProblem, rig: Rig, exclusions: Exclusions) -> Start:
+def adjust_initially(problem: CalibrationProblem, rig: Rig, exclusions: Exclusions) -> Start:
     """Make the initial adjustment at a rig, without the cameras that it disconnects."""
     for _ in range(len(rig.cameras)):
         result = initial_adjustment(
@@ -173,7 +173,7 @@ def _iterate(problem: CalibrationProblem, start: Start) -> tuple[tuple[Iteration
         if not isinstance(result, Disconnected):
             return result, start.exclusions
         rig, exclusions = largest_part(start.exclusions, start.iteration.rig, result)
-        start = _adjust_initially(problem, rig, exclusions)
+        start = adjust_initially(problem, rig, exclusions)
     raise AssertionError("a rig of fewer than two cameras is never adjusted")
 
 
@@ -196,7 +196,7 @@ def _solve(problem: CalibrationProblem, start: Start) -> Solution:
     if held:
         problem = problem.holding(held)
         rig = replace(refined.iterations[-1].rig, lenses=())
-        return _solve(problem, _adjust_initially(problem, rig, exclusions))
+        return _solve(problem, adjust_initially(problem, rig, exclusions))
     found = check_solution(problem, refined.iterations, covariance, exclusions, unsettled=unsettled)
     return replace(found, joint_covariance=refined.covariance)
 
@@ -249,7 +249,7 @@ def _exclude_unreliable(problem: CalibrationProblem, start: Start) -> Solution:
         worst = min(failed, key=lambda i: _reliability(found.checks[i]))
         exclusions = found.exclusions.adding([int(rig.cameras[worst])], failed[worst])
         rest = sub_rig(rig, [i for i in range(len(rig.cameras)) if i != worst])
-        found = _solve(problem, _adjust_initially(problem, rest, exclusions))
+        found = _solve(problem, adjust_initially(problem, rest, exclusions))
     return found
 
 
@@ -268,7 +268,7 @@ def _without_mirrored(problem: CalibrationProblem, found: Solution) -> Solution:
     exclusions = found.exclusions
     for c, why in mirrored.items():
         exclusions = exclusions.adding([c], why)
-    return _solve(problem, _adjust_initially(problem, rest, exclusions))
+    return _solve(problem, adjust_initially(problem, rest, exclusions))
 
 
 def _reliability(checks: CameraChecks) -> tuple[float, int]:
@@ -302,7 +302,7 @@ def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Soluti
         return before
     rig = add_cameras(views.lifted, before.last.rig, found, problem.cameras)
     try:
-        start = _adjust_initially(problem, rig, before.exclusions.reinstating(list(found)))
+        start = adjust_initially(problem, rig, before.exclusions.reinstating(list(found)))
         after = _exclude_unreliable(problem, start)
     except Insufficient:
         return before

@@ -85,6 +85,11 @@ def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
     if n_infinite := sum(image.n_infinite for image in images):
         warn(f"{camera.pose_topic}: {n_infinite} infinite values taken as not observed")
     given = lens(camera.info, rectified=first.rectified, topic=camera.info_topic)
+    if first.rectified and not given.known and camera.settings.info is not None:
+        raise InputError(
+            f"camera {camera.name}: its keypoints are of rectified images, of which the file of "
+            "its lens says nothing: give camera_info YAML, which has projection_matrix"
+        )
     start, knowledge = lens_of_settings(given, camera.settings, warn, f"camera {camera.name}")
     stamps_ns = np.array([image.stamp_ns - epoch_ns for image in images], dtype=np.int64)
     return CameraRecording(

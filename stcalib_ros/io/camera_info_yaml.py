@@ -13,7 +13,7 @@ import yaml
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
-from stcalib_ros.io.files import require_writable, write_text
+from stcalib_ros.io.files import make_folder, require_writable, write_text
 from stcalib_ros.io.messages import CameraInfoFields, fields_of_lens, lens
 from stcalib_ros.io.plausible import require_lens
 from stcalib_ros.io.yaml_entries import Entry
@@ -65,20 +65,27 @@ def require_camera_info_writable(names: Sequence[str], folder: Path) -> tuple[Pa
 
     Parameters and errors are those of `write_camera_info`, and so is what it returns.
     """
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"cannot write to the folder {folder}: {error.strerror or error}; name another"
-        ) from error
-    paths = tuple(folder / f"{_plain_name(name)}.yaml" for name in names)
-    path, n = max(Counter(paths).items(), key=lambda item: item[1], default=(folder, 1))
-    if n > 1:
-        same = [name for name, own in zip(names, paths, strict=True) if own == path]
-        raise InputError(f"cameras {', '.join(same)} would have one file, {path}: rename one")
+    make_folder(folder)
+    paths = tuple(folder / name for name in file_names(names, ".yaml"))
     for path in (*paths, folder / "camera.yaml"):
         require_writable(path)
     return paths
+
+
+def file_names(cameras: Sequence[str], ending: str) -> tuple[str, ...]:
+    """Return the name of a file for each camera.
+
+    Raises
+    ------
+    InputError
+        Two cameras would have the same one.
+    """
+    names = tuple(_plain_name(camera) + ending for camera in cameras)
+    name, n = max(Counter(names).items(), key=lambda item: item[1], default=("", 1))
+    if n > 1:
+        same = [camera for camera, own in zip(cameras, names, strict=True) if own == name]
+        raise InputError(f"cameras {', '.join(same)} would have one file, {name}: rename one")
+    return names
 
 
 def _plain_name(camera: str) -> str:
@@ -135,7 +142,25 @@ def read_camera_info_fields(path: Path) -> tuple[str, CameraInfoFields]:
     InputError
         As of `read_camera_info_yaml`.
     """
-    top = Entry(read_yaml(path), str(path), ": ")
+    return fields_of_content(read_yaml(path), path)
+
+
+def fields_of_content(content: Any, path: Path) -> tuple[str, CameraInfoFields]:
+    """Return the camera's name and its CameraInfo from the content of such a file.
+
+    Parameters
+    ----------
+    content : object
+        As of `stcalib_ros.io.yaml_files.read_yaml`.
+    path : Path
+        For errors.
+
+    Raises
+    ------
+    InputError
+        As of `read_camera_info_yaml`.
+    """
+    top = Entry(content, str(path), ": ")
     roi = top.get("roi", {})
     x, y, width, height = (
         roi.get(side, 0).count() for side in ("x_offset", "y_offset", "width", "height")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,37 +23,20 @@ from stcalib_ros.core.model.recording import (
     Intrinsics,
     Recording,
     Track,
+    unknown_intrinsics,
     unknown_joints,
 )
+from stcalib_ros.io.convert_options import (
+    ConvertOptions,
+    require_cameras,
+    require_rate,
+    require_stamps,
+)
 from stcalib_ros.io.lens_model import opencv_intrinsics
-from stcalib_ros.io.limits import MAX_FRAME_RATE, MAX_TIME_S, MIN_FRAME_RATE
 from stcalib_ros.io.messages import NS
 from stcalib_ros.io.multi_view_arrays import Arrays, checked_arrays
 from stcalib_ros.io.npz_files import read_npz
-from stcalib_ros.io.plausible import require_lens, require_name
-
-
-@dataclass(frozen=True, slots=True)
-class ConvertOptions:
-    """How a source becomes a recording.
-
-    Attributes
-    ----------
-    clock_shifts_s : mapping of str to float
-        Seconds added to the stamps of a camera. If the reference camera's clock is not shifted, the
-        camera's true ``time_offset_s`` is the negative of it: ``t_ref = t_cam + time_offset_s``.
-    fps : float or None
-        Frame rate; None: that of the source.
-    layout : str or None
-        Name of the joint layout; None: the one that has the joint names of the source.
-    start_s : int
-        Stamp of the first frame by an unshifted clock, Unix seconds.
-    """
-
-    clock_shifts_s: Mapping[str, float] = field(default_factory=dict)
-    fps: float | None = None
-    layout: str | None = None
-    start_s: int = 1_760_000_000
+from stcalib_ros.io.plausible import require_lens, require_size
 
 
 class Converted(NamedTuple):
@@ -68,21 +49,28 @@ class Converted(NamedTuple):
 def convert_npz(path: Path | str, options: ConvertOptions | None = None) -> Converted:
     """Make recording and truth of a multi-view ``.npz`` file.
 
-    Needed are the arrays ``camera_names, image_size, K, dist, R, t`` (``x_cam = R x_world + t``),
-    ``fps``, ``frame_number``, and for each detection ``det_frame, det_camera, det_track,
-    det_person`` (-1: unknown) and ``det_kp2d`` (x, y, score; 0, 0, 0: not detected) with the joint
-    names ``kp_names``. With ``det_kp3d`` (monocular poses in metres, camera axes; NaN: unknown) go
-    their joint names, ``kp3d_names``.
+    Needed are the arrays ``camera_names, image_size``, ``fps``, ``frame_number``, and for each
+    detection ``det_frame, det_camera`` and ``det_kp2d`` (x, y, score; 0, 0, 0: not detected) with
+    the joint names ``kp_names``. ``K`` and ``dist`` are the lenses; without them these are not
+    known. ``det_track`` are the ids of each camera's own tracker; without them nobody is tracked.
+    ``R, t`` (``x_cam = R x_world + t``) and ``det_person`` (-1: unknown) are the truth. With
+    ``det_kp3d`` (monocular poses in metres, camera axes; NaN: unknown) go their joint names,
+    ``kp3d_names``.
 
     Every camera has an image at every frame; no frame is cut. The reference is the first camera.
 
     Raises
     ------
     InputError
-        The file cannot be read or lacks an array, or an option does not fit it.
+        The file cannot be read or lacks an array, the truth included, or an option does not fit it.
     """
     path = Path(path)
     return convert_arrays(path, read_npz(path), options)
+
+
+def has_truth(arrays: Arrays) -> bool:
+    """Whether the true poses of the cameras are there."""
+    return "R" in arrays or "t" in arrays
 
 
 def convert_arrays(path: Path, arrays: Arrays, options: ConvertOptions | None = None) -> Converted:
@@ -102,15 +90,31 @@ def convert_arrays(path: Path, arrays: Arrays, options: ConvertOptions | None = 
         An array has another shape than the others ask for, or an option does not fit.
     """
     options = options or ConvertOptions()
+    if not has_truth(arrays):
+        raise InputError(f"{path} has no true poses of its cameras: it lacks R and t")
+    recording = recording_of_arrays(path, arrays, options)
+    shifts = [options.clock_shifts_s.get(camera.name, 0.0) for camera in recording.cameras]
+    return Converted(recording, _truth(path, checked_arrays(path, arrays), recording, shifts))
+
+
+def recording_of_arrays(path: Path, arrays: Arrays, options: ConvertOptions) -> Recording:
+    """Make the recording alone; parameters and errors are those of `convert_arrays`.
+
+    Raises
+    ------
+    InputError
+        As of `convert_arrays`; but the truth may be missing.
+    """
     arrays = checked_arrays(path, arrays)
     names = [str(n) for n in arrays["camera_names"]]
-    _require_cameras(path, names, options)
+    require_cameras(path, names, options)
     layout = _layout(path, arrays, options.layout)
-    fps = _frame_rate(path, arrays, options.fps)
+    fps = require_rate(path, float(arrays["fps"]) if options.fps is None else options.fps)
     shifts = [options.clock_shifts_s.get(name, 0.0) for name in names]
-    lenses = [_true_lens(path, arrays, c) for c in range(len(names))]
+    lenses = [_lens(path, arrays, c) for c in range(len(names))]
     frames = arrays["frame_number"] - arrays["frame_number"][0]
-    _require_stamps(path, options.start_s, frames[-1] / fps, shifts)
+    length_s = frames[-1] / fps
+    require_stamps(path, [options.start_s + s + t for s in shifts for t in (0.0, length_s)])
     true_ns = np.round(frames * (NS / fps)).astype(np.int64)
     first_ns = options.start_s * NS + min(round(s * NS) for s in shifts)
     epoch_ns = first_ns // NS * NS
@@ -127,39 +131,16 @@ def convert_arrays(path: Path, arrays: Arrays, options: ConvertOptions | None = 
         )
         for c, name in enumerate(names)
     )
-    recording = Recording(cameras, epoch_ns)
-    return Converted(recording, _truth(path, arrays, recording, shifts))
+    return Recording(cameras, epoch_ns)
 
 
-def _true_lens(path: Path, arrays: Arrays, c: int) -> Intrinsics:
+def _lens(path: Path, arrays: Arrays, c: int) -> Intrinsics:
+    what = f"{path}: camera {arrays['camera_names'][c]}"
+    if "K" not in arrays:
+        width, height = require_size(arrays["image_size"][c], what)
+        return unknown_intrinsics(width, height)
     lens = opencv_intrinsics(*(arrays[key][c] for key in ("image_size", "K", "dist")))
-    return require_lens(lens, f"{path}: camera {arrays['camera_names'][c]}")
-
-
-def _require_stamps(path: Path, start_s: float, length_s: float, shifts: list[float]) -> None:
-    """Demand stamps that messages can hold."""
-    first_s, last_s = start_s + min(shifts), start_s + length_s + max(shifts)
-    if not 0 < first_s <= last_s < MAX_TIME_S:
-        raise InputError(
-            f"{path}: with this frame rate and these offsets, stamps would be {first_s:.3g} to "
-            f"{last_s:.3g} s, where 0 to {MAX_TIME_S:.3g} s are possible"
-        )
-
-
-def _require_cameras(path: Path, names: list[str], options: ConvertOptions) -> None:
-    for name in names:
-        require_name(name, f"{path}: name of a camera")
-    if twice := sorted(n for n, count in Counter(names).items() if count > 1):
-        raise InputError(f"{path}: two cameras with one name: {', '.join(twice)}")
-    if unknown := sorted(set(options.clock_shifts_s) - set(names)):
-        raise InputError(
-            f"offset of {', '.join(unknown)}: no such camera; {path} has {', '.join(names)}"
-        )
-    for name, shift in options.clock_shifts_s.items():
-        if not abs(shift) <= MAX_TIME_S:
-            raise InputError(
-                f"offset of {name} must be a number of seconds within {MAX_TIME_S:.0f}, got {shift}"
-            )
+    return require_lens(lens, what)
 
 
 def _layout(path: Path, arrays: Arrays, wanted: str | None) -> Layout:
@@ -176,16 +157,6 @@ def _layout(path: Path, arrays: Arrays, wanted: str | None) -> Layout:
         return layout
     named = [known for known in LAYOUTS.values() if known.joint_names == names]
     return named[0] if named else find_layout("", names)
-
-
-def _frame_rate(path: Path, arrays: Arrays, wanted: float | None) -> float:
-    fps = float(arrays["fps"]) if wanted is None else wanted
-    if not MIN_FRAME_RATE <= fps <= MAX_FRAME_RATE:
-        raise InputError(
-            f"{path}: frame rate is {fps}; give one of {MIN_FRAME_RATE} to {MAX_FRAME_RATE:.0f} Hz "
-            "with --fps"
-        )
-    return fps
 
 
 def _tracks(arrays: Arrays, camera: int) -> tuple[Track, ...]:

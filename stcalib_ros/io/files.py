@@ -126,6 +126,22 @@ def require_writable(path: Path) -> None:
         _remove(probe)
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder if it is not there.
+
+    Raises
+    ------
+    InputError
+        The operating system refuses, or there is a file of that name.
+    """
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot write to the folder {path}: {_reason(error)}; name another"
+        ) from error
+
+
 def _beside(path: Path, ending: str) -> Path:
     """Path in the same folder; short, whatever the length of the name."""
     return path.parent / f".stcalib-{os.getpid()}-{secrets.token_hex(4)}.{ending}"

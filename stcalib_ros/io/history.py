@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
-from stcalib_ros.io.camera_info_yaml import write_camera_info
+from stcalib_ros.io.exports import Exported, ExportFormat, exported_files, write_files
 from stcalib_ros.io.files import sweep, sync_folder, write_text
 from stcalib_ros.io.limits import MAX_FILES
 from stcalib_ros.io.results import read_result, result_text
@@ -149,61 +149,41 @@ class History:
             return True  # of a file system without locks
         return True
 
-    def export(self, calibration: Calibration, name: str) -> Path:
-        """Write a calibration to a file below the folder, and nowhere else.
+    def export(self, calibration: Calibration, name: str, form: ExportFormat) -> Path:
+        """Write a calibration to a file or a folder of files below the folder, and nowhere else.
 
         Parameters
         ----------
         calibration : Calibration
         name : str
-            Path relative to the folder, ending in ``.yaml``; its folder must exist.
+            Path relative to the folder; all of it but the last part must exist.
+        form : ExportFormat
+            One that is a file says what its name ends in; a folder does not end in ``.yaml``.
 
         Raises
         ------
         InputError
             The name is absolute, leads out of the folder by ``..`` or by a link, is one of the
-            history's, or cannot be written to.
+            history's, is not one of the format, or cannot be written to; or the format cannot hold
+            the calibration.
         """
         self._make_folder()
         with _writing(name):
-            path = self._file_below(name)
-            sweep(path.parent)
-            _require_room(path.parent, 0 if path.exists() else 1)
-        write_text(path, result_text(calibration))
-        return path
-
-    def export_camera_info(self, calibration: Calibration, name: str) -> Path:
-        """Write the lenses of a calibration, a file for each camera, to a folder below this one.
-
-        Parameters
-        ----------
-        calibration : Calibration
-        name : str
-            Path relative to the folder; it is made if only its last part is not there.
-
-        Raises
-        ------
-        InputError
-            The name is absolute, leads out of the folder by ``..`` or by a link, ends in
-            ``.yaml``, or cannot be written to.
-        """
-        self._make_folder()
-        with _writing(name):
-            folder = self._folder_below(name)
+            path = self._file_below(name) if form.endings else self._folder_below(name)
+            files = exported_files(Exported(calibration), form, path)
+            folder = path.parent if form.endings else path
             if not folder.exists():
                 _require_room(folder.parent, 1)
                 folder.mkdir()
             sweep(folder)
-            _require_room(folder, len(calibration.cameras))
-        write_camera_info(calibration, folder)
-        return folder
+            _require_room(folder, sum(1 for file in files if not file.exists()))
+        write_files(files)
+        return path
 
     def _file_below(self, name: str) -> Path:
         path = self._below(name)
-        if path.suffix != ".yaml" or path.name.startswith("calibration."):
-            raise InputError(
-                f"{name!r}: name a file that ends in .yaml and does not begin with 'calibration.'"
-            )
+        if path.name.startswith("calibration."):
+            raise InputError(f"{name!r}: name a file that does not begin with 'calibration.'")
         if path.is_dir():
             raise InputError(f"cannot write {name!r}: name a file in a folder that exists")
         return path

@@ -32,3 +32,23 @@ def opencv_intrinsics(image_size: Sequence[int], K: ArrayLike, dist: ArrayLike) 
     whole = next((n for n in sorted(coefficient_counts(model)) if n >= D.size), D.size)
     D = np.pad(D, (0, whole - D.size))
     return Intrinsics(width, height, model, np.asarray(K, dtype=np.float64), D)
+
+
+def fisheye_intrinsics(image_size: Sequence[int], K: ArrayLike, dist: ArrayLike) -> Intrinsics:
+    """Return intrinsics from matrix and coefficients of OpenCV's fisheye model.
+
+    Parameters
+    ----------
+    image_size : (int, int)
+        Width and height, px.
+    K : (3, 3) array_like
+        Pinhole matrix, px.
+    dist : (N,) array_like
+        Distortion coefficients; zeros beyond the fourth are left out, and those that are missing
+        are 0.
+    """
+    width, height = (int(n) for n in image_size)
+    n = max(coefficient_counts(LensModel.EQUIDISTANT))
+    D = np.trim_zeros(np.asarray(dist, dtype=np.float64).ravel(), "b")
+    D = np.pad(D, (0, max(n - D.size, 0)))
+    return Intrinsics(width, height, LensModel.EQUIDISTANT, np.asarray(K, dtype=np.float64), D)

@@ -41,6 +41,24 @@ class LensSettings:
     info: CameraInfoFields | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class LensFile:
+    """Lenses of a file that is given for all cameras.
+
+    Attributes
+    ----------
+    path : str
+    lenses : mapping of str to CameraInfoFields
+        By camera, as of `stcalib_ros.io.lens_files.read_lens_fields`.
+    knowledge : LensKnowledge or None
+        What they are worth; None: ``GIVEN``.
+    """
+
+    path: str
+    lenses: Mapping[str, CameraInfoFields]
+    knowledge: LensKnowledge | None = None
+
+
 LENS_KEYS = ("intrinsics", "lens_group", "field_of_view_deg", "image_size")
 """Entries of a camera in a configuration that are of its lens."""
 

@@ -145,3 +145,14 @@ definition of the encodings."""
 
 MAX_QUOTED = 200
 """Characters of the text of an error that others made; the rest is what they have read. Chosen."""
+
+MAX_SOURCE_FILES = 1_000_000
+"""Files of a source of poses, which has one for each image: an hour of eight cameras at 30 Hz has
+864,000. Chosen; not measured."""
+
+MAX_LABELS_BYTES = 10_000_000
+"""Bytes of a file of labels of one image, of which 100 people have 60,000. Chosen."""
+
+MAX_CSV_BYTES = 1 << 28
+"""Bytes. A larger table is not read: points of three people in four cameras for ten minutes have
+0.2 GB. Chosen."""

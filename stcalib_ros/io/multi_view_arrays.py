@@ -18,7 +18,11 @@ Arrays = Mapping[str, NDArray[Any]]
 _TEXTS = ("camera_names", "kp_names", "kp3d_names")
 _INDICES = ("image_size", "frame_number", "det_frame", "det_camera", "det_track", "det_person")
 _NUMBERS = ("K", "dist", "R", "t", "fps", "det_kp2d", "det_kp3d")
-_OPTIONAL = ("det_kp3d", "kp3d_names")
+_OPTIONAL = ("det_kp3d", "kp3d_names", "K", "dist", "R", "t", "det_track", "det_person", "fps")
+_TOGETHER = (("R", "t"), ("t", "R"), ("R", "K"), ("dist", "K"))
+"""Arrays of which the first says nothing without the second."""
+_COEFFICIENTS = 5
+"""Distortion coefficients that are 0 where a file has a matrix and none, count. Chosen."""
 
 
 def checked_arrays(path: Path, given: Arrays) -> dict[str, NDArray[Any]]:
@@ -40,10 +44,27 @@ def checked_arrays(path: Path, given: Arrays) -> dict[str, NDArray[Any]]:
     needed = [name for name in (*_TEXTS, *_INDICES, *_NUMBERS) if name not in _OPTIONAL]
     if missing := [name for name in needed if name not in given]:
         raise InputError(f"{path} is not a multi-view file: it lacks {', '.join(missing)}")
+    for name, other in _TOGETHER:
+        if name in given and other not in given:
+            raise InputError(f"{path} is not a multi-view file: it has {name}, but lacks {other}")
     arrays = {name: _of_kind(path, name, array) for name, array in given.items()}
+    arrays = _defaults(arrays) | arrays
     _require_shapes(path, arrays)
     _require_ranges(path, arrays)
     return arrays
+
+
+def _defaults(arrays: Arrays) -> dict[str, NDArray[Any]]:
+    """Return what is not known: the rate, distortion, who anybody is, and ids of nobody."""
+    n = arrays["det_frame"].size
+    unknown: dict[str, NDArray[Any]] = {
+        "fps": np.array(np.nan),
+        "det_track": np.arange(n),
+        "det_person": np.full(n, -1),
+    }
+    if "K" in arrays:
+        unknown["dist"] = np.zeros((arrays["camera_names"].size, _COEFFICIENTS))
+    return unknown
 
 
 def _of_kind(path: Path, name: str, array: NDArray[Any]) -> NDArray[Any]:
@@ -69,8 +90,11 @@ def _require_shapes(path: Path, arrays: Arrays) -> None:
         raise InputError(f"{path}: camera_names, frame_number or kp_names is empty")
     shapes: dict[str, tuple[int, ...]]
     shapes = {"camera_names": (C,), "frame_number": (F,), "kp_names": (J,), "fps": ()}
-    shapes |= {"image_size": (C, 2), "K": (C, 3, 3), "R": (C, 3, 3), "t": (C, 3)}
-    shapes["dist"] = (C, *arrays["dist"].shape[1:])
+    shapes["image_size"] = (C, 2)
+    per_camera = {"K": (C, 3, 3), "R": (C, 3, 3), "t": (C, 3)}
+    shapes |= {name: shape for name, shape in per_camera.items() if name in arrays}
+    if "dist" in arrays:
+        shapes["dist"] = (C, *arrays["dist"].shape[1:])
     if "kp3d_names" in arrays:
         shapes["kp3d_names"] = (arrays["kp3d_names"].size,)
     shapes |= dict.fromkeys(("det_frame", "det_camera", "det_track", "det_person"), (N,))
@@ -93,6 +117,6 @@ def _require_ranges(path: Path, arrays: Arrays) -> None:
         values = arrays.get(name, np.zeros(0))
         if (np.abs(values[np.isfinite(values)]) > limit).any():
             raise InputError(f"{path}: {name} has numbers beyond {limit:g}")
-    for c, camera in enumerate(arrays["camera_names"]):
+    for c, camera in enumerate(arrays["camera_names"] if "R" in arrays else ()):
         require_rotation(arrays["R"][c], f"{path}: R of camera {camera}")
         require_position(arrays["t"][c], f"{path}: t of camera {camera}")

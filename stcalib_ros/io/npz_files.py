@@ -102,3 +102,12 @@ def _require_size(stream: IO[bytes], n_bytes: int) -> None:
         raise ValueError("an array of Python objects")
     if min(shape, default=0) < 0 or math.prod(shape) * max(dtype.itemsize, 1) > n_bytes:
         raise ValueError(f"an array of shape {shape} in {n_bytes} bytes")
+
+
+def names_in_npz(path: Path) -> tuple[str, ...]:
+    """Return the names of the arrays of an ``.npz`` file; none if it is no such file."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return tuple(name.removesuffix(".npy") for name in archive.namelist())
+    except (OSError, *_UNREADABLE):
+        return ()

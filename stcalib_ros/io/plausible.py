@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
@@ -33,6 +35,22 @@ def require_name(text: str, what: str) -> str:
     return text
 
 
+def require_size(size: Sequence[int], what: str) -> tuple[int, int]:
+    """Return width and height of an image.
+
+    Raises
+    ------
+    InputError
+        A side is not of 1 to `MAX_IMAGE_SIDE` px.
+    """
+    width, height = (int(n) for n in size)
+    if not 0 < min(width, height) <= max(width, height) <= MAX_IMAGE_SIDE:
+        raise InputError(
+            f"{what}: expected an image of 1 to {MAX_IMAGE_SIDE} px, got {width} x {height}"
+        )
+    return width, height
+
+
 def require_lens(lens: Intrinsics, what: str) -> Intrinsics:
     """Return a lens through which a point can be projected.
 
@@ -42,11 +60,7 @@ def require_lens(lens: Intrinsics, what: str) -> Intrinsics:
         The image has no size, the matrix is no pinhole matrix, the distortion has another number
         of coefficients than its model, or a number is not finite.
     """
-    if not 0 < min(lens.width, lens.height) <= max(lens.width, lens.height) <= MAX_IMAGE_SIDE:
-        raise InputError(
-            f"{what}: expected an image of 1 to {MAX_IMAGE_SIDE} px, got {lens.width} x "
-            f"{lens.height}"
-        )
+    require_size((lens.width, lens.height), what)
     K = lens.K
     if not (
         np.abs(K).max() <= MAX_NUMBER  # NaN compares false

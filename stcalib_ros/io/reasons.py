@@ -16,20 +16,22 @@ def plain_reasons(calibration: Calibration) -> dict[str, Any]:
     """Return the entries ``uncalibrated``, ``reasons`` and ``remarks`` of a result file."""
     return {
         "uncalibrated": {
-            camera.name: _plain_rejection(camera.rejection, camera.reason)
+            camera.name: plain_rejection(camera.rejection, camera.reason)
             for camera in calibration.uncalibrated
         },
-        "reasons": [_plain_rejection(one, labelled(one)) for one in calibration.rejections],
-        "remarks": [
-            {
-                "code": remark.code.value,
-                "message": remark_sentence(remark),
-                "cameras": list(remark.cameras),
-                "values": _plain_values(remark.values),
-                **({"detail": remark.detail} if remark.detail else {}),
-            }
-            for remark in calibration.remarks
-        ],
+        "reasons": [plain_rejection(one, labelled(one)) for one in calibration.rejections],
+        "remarks": [plain_remark(remark) for remark in calibration.remarks],
+    }
+
+
+def plain_remark(remark: Remark) -> dict[str, Any]:
+    """Return a remark by code, sentence and numbers."""
+    return {
+        "code": remark.code.value,
+        "message": remark_sentence(remark),
+        "cameras": list(remark.cameras),
+        "values": _plain_values(remark.values),
+        **({"detail": remark.detail} if remark.detail else {}),
     }
 
 
@@ -59,7 +61,7 @@ def read_remarks(top: Entry) -> tuple[Remark, ...]:
     )
 
 
-def _plain_rejection(rejection: Rejection, message: str) -> dict[str, Any]:
+def plain_rejection(rejection: Rejection, message: str) -> dict[str, Any]:
     """Return a rejection by code and numbers; what is empty is left out."""
     numbers = {"measured": float(rejection.measured), "limit": float(rejection.limit)}
     optional = {

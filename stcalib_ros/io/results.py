@@ -98,6 +98,22 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
+def read_usable_result(path: Path) -> Calibration:
+    """Read a result file, as `read_result`, to use it.
+
+    Raises
+    ------
+    InputError
+        As `read_result`, or it is of a calibration that was refused.
+    """
+    calibration = read_result(path)
+    if calibration.status is not Status.OK:
+        raise InputError(
+            f"{path} is not to be used ({calibration.status.name}): {calibration.message}"
+        )
+    return calibration
+
+
 def read_result(path: Path | str) -> Calibration:
     """Read a result or truth file.
 

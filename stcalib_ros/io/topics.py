@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
+from stcalib_ros.io.lens_files import fields_by_camera
 from stcalib_ros.io.lens_settings import (
     LENS_KEYS,
+    LensFile,
     LensSettings,
     lens_settings,
     require_lens_groups,
@@ -41,10 +43,13 @@ class CameraSelection:
     cameras : tuple of str or None
         None: every camera there is, ordered by name.
     camera : mapping of str to CameraTopics
+    lens_file : LensFile or None
+        Lenses of the cameras of which `camera` says nothing of the kind.
     """
 
     cameras: tuple[str, ...] | None = None
     camera: Mapping[str, CameraTopics] = field(default_factory=dict)
+    lens_file: LensFile | None = None
 
     def with_line_delays(self, line_times_s: Mapping[str, float]) -> CameraSelection:
         """The same with line times by name of camera; they take precedence."""
@@ -187,12 +192,14 @@ def select_cameras(
             f"no person poses of camera {', '.join(missing)}; "
             f"the bag has {_listing(types_by_topic, Content.POSES)}"
         )
+    of_file = _lenses_of_file(wanted, selection)
     cameras = []
     for name in wanted:
         own = selection.camera.get(name, CameraTopics())
         pose_topic = pose_topics[name]
         info_topic = own.info_topic or pose_topic.rpartition("/")[0] + "/camera_info"
-        without = own.lens.image_size is not None or own.lens.info is not None
+        lens = of_file.get(name, own.lens)
+        without = lens.image_size is not None or lens.info is not None
         if own.info_topic or not without or info_topic in types_by_topic:
             _require_type(types_by_topic, info_topic, Content.INTRINSICS, f"camera {name}")
         cameras.append(
@@ -202,12 +209,30 @@ def select_cameras(
                 info_topic=info_topic,
                 frame=own.frame,
                 line_time_s=own.line_time_s or 0.0,
-                lens=own.lens,
+                lens=lens,
                 pose_type=types_by_topic[pose_topic],
                 info_type=types_by_topic.get(info_topic, CAMERA_INFO.name),
             )
         )
     return tuple(cameras)
+
+
+def _lenses_of_file(wanted: Sequence[str], selection: CameraSelection) -> dict[str, LensSettings]:
+    """Settings of the cameras that have no lens of their own, by the file that is given for all."""
+    if (file := selection.lens_file) is None:
+        return {}
+    said = {name: selection.camera.get(name, CameraTopics()).lens for name in wanted}
+    found = fields_by_camera(file.lenses, [n for n, lens in said.items() if lens.info is None])
+    if missing := [n for n in wanted if n not in found and said[n] == _NO_LENS]:
+        raise InputError(
+            f"{file.path} has no lens of camera {', '.join(missing)}: it has "
+            f"{', '.join(file.lenses)}; give that of each camera (--intrinsics "
+            f"{missing[0]}=FILE:NAME, or {missing[0]}=given for its CameraInfo)"
+        )
+    return {
+        name: replace(said[name], info=info, knowledge=said[name].knowledge or file.knowledge)
+        for name, info in found.items()
+    }
 
 
 def _require_poses_of_settings(

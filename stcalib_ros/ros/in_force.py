@@ -12,15 +12,12 @@ from rclpy.serialization import serialize_message
 
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.io.exports import export_format
 from stcalib_ros.io.history import History, Kept
+from stcalib_ros.io.results import read_usable_result
 from stcalib_ros.io.stamps import ClockCorrection, corrections_of
 from stcalib_ros.ros.limits import MAX_LINE, MIN_CAMERAS, SAVE_AGAIN_S
 from stcalib_ros.ros.publishers import Publishers
-
-_CAMERA_INFO = "camera_info"
-
-FORMATS = ("stcalib", _CAMERA_INFO)
-"""Formats that a calibration can be saved in; the first is the default."""
 
 
 class InForce:
@@ -77,8 +74,39 @@ class InForce:
         """Why the calibration in force is not on the disk; empty if it is, or there is none."""
         return self._problem
 
-    def load(self) -> None:
-        """Put the newest saved calibration that can be used into force, if there is one."""
+    def load(self, initial: Path | None = None) -> None:
+        """Put the newest saved calibration that can be used into force, if there is one.
+
+        Parameters
+        ----------
+        initial : Path, optional
+            Result file that is put into force instead, and saved, if its data are from later.
+
+        Raises
+        ------
+        InputError
+            `initial` cannot be used.
+        """
+        given = None if initial is None else self._initial(initial)
+        self._load_saved()
+        if initial is None or given is None:
+            return
+        if self.calibration is not None and given.window_s[1] <= self.calibration.window_s[1]:
+            self._log.info(f"{initial} is not put into force: its data are not from later")
+            return
+        problem = self.replace(given, f"file-{initial.stem}")
+        self._log.info(f"{initial} is in force{problem}")
+
+    def _initial(self, path: Path) -> Calibration:
+        try:
+            calibration = read_usable_result(path)
+            self._require_usable(calibration)
+        except InputError as error:
+            where = "" if str(path) in str(error) else f"{path}: "
+            raise InputError(f"initial_calibration: {where}{error}") from error
+        return calibration
+
+    def _load_saved(self) -> None:
         try:
             self._history.sweep()
             self._claim()
@@ -142,20 +170,17 @@ class InForce:
         ----------
         path : str
         form : str
-            One of `FORMATS`.
+            Name of one of `EXPORTS`.
 
         Raises
         ------
         InputError
             There is none yet, the format is unknown, or the path cannot be written to.
         """
-        if form not in FORMATS:
-            raise InputError(f"format {form!r} is unknown; there is {', '.join(FORMATS)}")
+        known = export_format(form)
         if self._kept is None:
             raise InputError("there is no calibration to save yet")
-        if form == _CAMERA_INFO:
-            return self._history.export_camera_info(self._kept.calibration, path)
-        return self._history.export(self._kept.calibration, path)
+        return self._history.export(self._kept.calibration, path, known)
 
     def _saved(self, calibration: Calibration) -> int:
         """Save; returns the number, or 0 and notes the problem."""

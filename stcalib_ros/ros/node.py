@@ -16,7 +16,6 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from stcalib_ros.core.errors import InputError, one_line
@@ -52,7 +51,7 @@ from stcalib_ros.ros.load import Meter
 from stcalib_ros.ros.parameters import Settings, declare, settings_from
 from stcalib_ros.ros.publishers import Publishers
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
-from stcalib_ros.ros.running import spin_until, stop_on_signals
+from stcalib_ros.ros.running import spin_until, start_node, stop_on_signals
 from stcalib_ros.ros.services import Feedback, Run, Services
 from stcalib_ros.ros.subscriptions import Subscriptions
 from stcalib_ros.ros.throttle import Throttle
@@ -106,7 +105,7 @@ class Calibrator:
         node.create_timer(CHECK_S, self._meter.timed(self._every_second), clock=steady)
         node.add_on_set_parameters_callback(self._validate_parameters)
         node.add_post_set_parameters_callback(self._apply_parameters)
-        self.in_force.load()
+        self.in_force.load(self.settings.initial_calibration)
         self._begin()
 
     def start(
@@ -374,9 +373,8 @@ def main() -> int:
         Exit status: 0 stopped, 2 unusable parameters.
     """
     stop = stop_on_signals()
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("calibrator")
     try:
+        node = start_node("calibrator")
         calibrator = Calibrator(node)
     except InputError as error:
         print(f"calibrator: {error}", file=sys.stderr)

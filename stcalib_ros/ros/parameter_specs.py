@@ -84,6 +84,12 @@ NODE_SPECS = (
         "Where calibrations are kept; empty: in ROS_HOME, by the node's name.",
         fixed=True,
     ),
+    Spec(
+        "initial_calibration",
+        "",
+        "Result file to start with, unless results_folder has one of later data; empty: none.",
+        fixed=True,
+    ),
     Spec("keep_results", 50, "Number of calibrations kept on disk.", 2, 1000, fixed=True),
     *TF_SPECS,
 )
@@ -91,6 +97,11 @@ NODE_SPECS = (
 _OPTIONS = (
     Spec("reference", "", "Camera that gives the reference frame and clock; empty: the first."),
     Spec("offset_range_s", 2.0, "Clocks are searched within +- this; 0: they agree."),
+    Spec(
+        "align",
+        "auto",
+        "Added to stamps first: auto, starts, stamps, seconds (not of the reference), CAM=S,...",
+    ),
     Spec("min_score", 0.3, "Joints with a lower score are not used."),
     Spec("min_common_frames", 12, "Number of images that two cameras must share in time."),
     Spec(

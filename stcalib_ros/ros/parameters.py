@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +28,8 @@ from stcalib_ros.ros.limits import (
 from stcalib_ros.ros.parameter_specs import CAMERAS, OPTION_SPECS, Spec, all_specs
 from stcalib_ros.ros.streams import Limits
 
+_QOS_OVERRIDES = "qos_overrides."
+"""Begin of parameters that are declared with the topics that they are of."""
 _NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 
 
@@ -34,6 +39,7 @@ class Settings:
 
     Attributes
     ----------
+    initial_calibration : Path or None
     set_camera_info : mapping of str to str
         Service of the driver by camera; empty: it is not called.
     """
@@ -49,6 +55,7 @@ class Settings:
     thresholds: Thresholds
     auto_recalibrate: bool
     results_folder: Path
+    initial_calibration: Path | None
     keep_results: int
     publish_tf: bool
     tf_not_metric: bool
@@ -111,6 +118,7 @@ def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
     )
     watch = ("watch", "auto_recalibrate")
     own = ("queue_depth", "auto_calibrate", "min_motion_s", "period_s", "keep_results")
+    initial = values["initial_calibration"]
     tf = ("publish_tf", "tf_not_metric", "tf_suffix")
     return Settings(
         cameras=_cameras(names, values),
@@ -118,6 +126,7 @@ def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
         options=options,
         thresholds=Thresholds(values["watch_rotation_deg"], 1e-3 * values["watch_clock_ms"]),
         results_folder=_folder(values["results_folder"], node_name),
+        initial_calibration=_path(initial, "initial_calibration") if initial else None,
         set_camera_info={name: values[f"camera.{name}.set_camera_info"] for name in names},
         **{name: values[name] for name in (*own, *watch, *tf)},
     )
@@ -154,11 +163,16 @@ def _camera(name: str, values: Mapping[str, Any]) -> SelectedCamera:
 
 def _folder(given: str, node_name: str) -> Path:
     home = Path(os.environ.get("ROS_HOME") or "~/.ros")
-    folder = Path(given) if given else home / "stcalib_ros" / node_name.strip("/").replace("/", ".")
+    return _path(
+        given or home / "stcalib_ros" / node_name.strip("/").replace("/", "."), "results_folder"
+    )
+
+
+def _path(given: str | Path, name: str) -> Path:
     try:
-        return folder.expanduser()
+        return Path(given).expanduser()
     except RuntimeError as error:
-        raise InputError(f"results_folder: {error}: give a path without ~") from error
+        raise InputError(f"{name}: {error}: give a path without ~") from error
 
 
 def declare(node: Any) -> dict[str, Any]:
@@ -167,11 +181,41 @@ def declare(node: Any) -> dict[str, Any]:
     Raises
     ------
     InputError
-        A value that was given has the wrong type or is out of its range.
+        A value that was given has the wrong type or is out of its range, or there is no such
+        parameter.
     """
     values = {CAMERAS.name: declared(node, CAMERAS)}
     names = require_camera_names(values[CAMERAS.name])
-    return values | {spec.name: declared(node, spec) for spec in all_specs(names)}
+    values |= {spec.name: declared(node, spec) for spec in all_specs(names)}
+    require_known(node)
+    return values
+
+
+def require_known(node: Any) -> None:
+    """Demand that every parameter that was given is one that the node has declared.
+
+    Raises
+    ------
+    InputError
+        One is not, or a file of parameters has none of this node.
+    """
+    given = node._parameter_overrides  # there is no public list of them
+    files = [file for word, file in pairwise(sys.argv) if word == "--params-file"]
+    if files and not given:
+        name = node.get_fully_qualified_name()
+        raise InputError(
+            f"{', '.join(files)} has no parameters of {name}: they stand under {name}: or /**:, "
+            "and there under ros__parameters:"
+        )
+    unknown = [
+        name
+        for name in given
+        if not node.has_parameter(name) and not name.startswith(_QOS_OVERRIDES)
+    ]
+    if unknown:
+        near = get_close_matches(unknown[0], node.get_parameters_by_prefix(""))
+        hint = f"did you mean {' or '.join(near)}?" if near else "see `ros2 param list`"
+        raise InputError(f"unknown parameter {unknown[0]}: {hint}")
 
 
 def declared(node: Any, spec: Spec) -> Any:

@@ -91,10 +91,13 @@ class Publishers:
     ----------
     node : rclpy.node.Node
     settings : PublisherSettings
+    every_lens : bool
+        Publish lenses that were given, too, where no driver does.
     """
 
-    def __init__(self, node: Any, settings: PublisherSettings) -> None:
+    def __init__(self, node: Any, settings: PublisherSettings, *, every_lens: bool = False) -> None:
         self._log, self._settings = node.get_logger(), settings
+        self._every_lens = every_lens
         per_camera = latched(len(settings.cameras))
         self._result = node.create_publisher(CalibrationResult, "~/result", latched())
         self._extrinsics = node.create_publisher(CameraExtrinsics, "~/extrinsics", per_camera)
@@ -119,8 +122,8 @@ class Publishers:
         """Publish those that were estimated, and what follows them: a driver has the others."""
         for lens in lenses:
             publisher = self._lenses.get(lens.camera)
-            estimated = lens.knowledge != LensKnowledge.GIVEN.value
-            if publisher is not None and (estimated or lens.camera in self._lenses_published):
+            wanted = self._every_lens or lens.knowledge != LensKnowledge.GIVEN.value
+            if publisher is not None and (wanted or lens.camera in self._lenses_published):
                 self._lenses_published.add(lens.camera)
                 publisher.publish(lens.camera_info)
 

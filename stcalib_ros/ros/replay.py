@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from stcalib_ros.cli import EPILOG, run_command
@@ -13,7 +12,7 @@ from stcalib_ros.commands import calibrate
 from stcalib_ros.ros.limits import WAIT_S
 
 if TYPE_CHECKING:
-    from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
+    from stcalib_ros.core.model.calibration import Calibration
     from stcalib_ros.core.model.recording import Recording
 
 _DESCRIPTION = """\
@@ -123,14 +122,12 @@ def _parsed(argv: Sequence[str]) -> argparse.Namespace:
 def _serve(args: argparse.Namespace, calibrated: tuple[Recording, Calibration] | None) -> None:
     """Publish and play, until done or interrupted."""
     import rclpy
-    from rclpy.signals import SignalHandlerOptions
 
     from stcalib_ros.ros.player import Player, PlayOptions
-    from stcalib_ros.ros.running import spin_until, stop_on_signals
+    from stcalib_ros.ros.running import spin_until, start_node, stop_on_signals
 
     stop = stop_on_signals()
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("replay")
+    node = start_node("replay")
     try:
         if args.publish and calibrated is not None:
             _publish(node, *calibrated, run_id=f"replay-{args.bag.stem}")
@@ -146,34 +143,12 @@ def _serve(args: argparse.Namespace, calibrated: tuple[Recording, Calibration] |
         rclpy.shutdown()
 
 
-@dataclass(frozen=True, slots=True)
-class _PublisherSettings:
-    """As `stcalib_ros.ros.publishers.PublisherSettings` has it."""
-
-    cameras: Sequence[CameraCalibration]
-    publish_tf: bool
-    tf_not_metric: bool
-    tf_suffix: str
-
-
 def _publish(node: Any, recording: Recording, calibration: Calibration, *, run_id: str) -> None:
-    """Publish a result, stamped with the end of its data, as the live node does."""
-    from stcalib_ros.ros.convert import calibration_result, time_message
-    from stcalib_ros.ros.parameter_specs import TF_SPECS
-    from stcalib_ros.ros.parameters import declared
-    from stcalib_ros.ros.publishers import Publishers
+    from stcalib_ros.ros.publish import publish_result
 
-    tf = {spec.name: declared(node, spec) for spec in TF_SPECS}
-    publishers = Publishers(node, _PublisherSettings(calibration.cameras, **tf))
     stamps = {camera.name: camera.stamps for camera in recording.cameras}
     rates = {n: (len(s) - 1) / (s[-1] - s[0]) for n, s in stamps.items() if s[-1] > s[0]}
-    result = calibration_result(
-        calibration,
-        run_id=run_id,
-        stamp=time_message(calibration.window_s[1]),
-        frame_rates=rates,
-    )
-    publishers.publish(calibration, result)
+    publish_result(node, calibration, run_id=run_id, frame_rates=rates)
 
 
 def _positive(text: str) -> float:

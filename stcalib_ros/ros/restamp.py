@@ -13,7 +13,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.results import read_result
@@ -32,7 +31,7 @@ from stcalib_ros.ros.limits import (
 )
 from stcalib_ros.ros.publishers import latched
 from stcalib_ros.ros.restamp_parameters import RelayedTopic, RelaySettings, declare_relay
-from stcalib_ros.ros.running import events_executor, spin_until, stop_on_signals
+from stcalib_ros.ros.running import events_executor, spin_until, start_node, stop_on_signals
 
 _HEADER = "std_msgs/Header"
 
@@ -335,9 +334,8 @@ def main() -> int:
         Exit status: 0 stopped, 2 unusable parameters or result file.
     """
     stop = stop_on_signals()
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("restamp")
     try:
+        node = start_node("restamp")
         Restamp(node)
     except InputError as error:
         print(f"restamp: {error}", file=sys.stderr)

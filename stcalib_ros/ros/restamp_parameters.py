@@ -10,7 +10,7 @@ from typing import Any
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.ros.parameter_specs import CAMERAS, Spec
-from stcalib_ros.ros.parameters import declared, require_camera_names
+from stcalib_ros.ros.parameters import declared, require_camera_names, require_known
 
 _RELIABILITIES = {
     "input_reliability": ("auto", "best_effort", "reliable"),
@@ -101,7 +101,8 @@ def declare_relay(node: Any) -> RelaySettings:
     Raises
     ------
     InputError
-        A value has the wrong type, is out of its range or cannot be used.
+        A value has the wrong type, is out of its range or cannot be used, or there is no such
+        parameter.
     """
     names = require_camera_names(declared(node, CAMERAS), at_least=1)
     topics = [
@@ -111,6 +112,7 @@ def declare_relay(node: Any) -> RelaySettings:
         for entry in filter(None, declared(node, spec))
     ]
     values = {spec.name: declared(node, spec) for spec in RELAY_SPECS}
+    require_known(node)
     return relay_settings(topics, **values)
 
 

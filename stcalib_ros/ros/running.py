@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import re
 import signal
+import sys
 import threading
 import traceback
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
+import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
-from stcalib_ros.core.errors import one_line
+from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.ros.limits import MAX_LINE, SPIN_S
 from stcalib_ros.ros.throttle import Throttle
+
+_SOURCE = re.compile(r", at \S+:\d+")
+"""Place in the sources of rcl, at the end of what it says."""
 
 
 def stop_on_signals() -> threading.Event:
@@ -20,6 +29,25 @@ def stop_on_signals() -> threading.Event:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     return stop
+
+
+def start_node(name: str) -> Any:
+    """Start ROS by the arguments of the process, and return a node.
+
+    Raises
+    ------
+    InputError
+        A file of parameters is missing, or it or another argument of ROS cannot be used.
+    """
+    for word, file in pairwise(sys.argv):
+        if word == "--params-file" and not Path(file).is_file():
+            raise InputError(f"--params-file: no such file: {file}")
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        return rclpy.create_node(name)
+    except RuntimeError as error:  # all that rcl says
+        said = _SOURCE.sub("", str(error)).removeprefix("failed to initialize rcl: ")
+        raise InputError(f"arguments of ROS: {one_line(said, MAX_LINE)}") from None
 
 
 def events_executor(context: Any) -> Any:

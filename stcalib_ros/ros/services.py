@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from stcalib_ros.action import Calibrate
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
-from stcalib_ros.ros.in_force import FORMATS
+from stcalib_ros.io.exports.plain import STCALIB
 from stcalib_ros.ros.limits import MAX_LINE
 from stcalib_ros.ros.worker import Step, failure
 from stcalib_ros.srv import Recalibrate, SaveCalibration
@@ -62,7 +62,7 @@ class ServedCalibrator(Protocol):
         """Put the calibration before the one in force into force; return what was done."""
 
     def save(self, path: str, form: str) -> Path:
-        """Write the calibration in force below the results folder, in one of `FORMATS`."""
+        """Write the calibration in force below the results folder, in one of `EXPORTS`."""
 
     def message(self, calibration: Calibration, run_id: str) -> Any:
         """Return the ``CalibrationResult`` of a calibration."""
@@ -125,7 +125,7 @@ class Services:
 
     def _save(self, request: Any, response: Any) -> Any:
         try:
-            saved = self._calibrator.save(request.path, request.format or FORMATS[0])
+            saved = self._calibrator.save(request.path, request.format or STCALIB.name)
             response.message = f"written to {saved}"
             response.success = True
         except InputError as error:

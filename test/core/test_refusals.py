@@ -21,6 +21,7 @@ from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.recording import CameraRecording, Recording, Track
 from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
+from stcalib_ros.core.options import Options
 from stcalib_ros.core.pipeline import calibrate
 from stcalib_ros.core.synthetic import Scene, SceneOptions, scene, simulate
 from stcalib_ros.core.synthetic.rigs import ring_rig
@@ -38,8 +39,11 @@ def strangers() -> Scene:
     return simulate(replace(FOUR, seed=77))
 
 
-def verdict(recording: Recording) -> Calibration:
-    calibration = calibrate(recording, HALF_SECOND)
+AS_STAMPED = replace(HALF_SECOND, align="stamps")
+
+
+def verdict(recording: Recording, options: Options = HALF_SECOND) -> Calibration:
+    calibration = calibrate(recording, options)
     assert "\n" not in calibration.message
     assert calibration.message
     if calibration.status is not Status.OK:
@@ -129,7 +133,7 @@ def test_an_unknown_reference(four):
 
 def test_clocks_an_hour_apart(four):
     cameras = tuple(clock_shifted(3600.0 * k)(c) for k, c in enumerate(four.recording.cameras))
-    calibration = verdict(replace(four.recording, cameras=cameras))
+    calibration = verdict(replace(four.recording, cameras=cameras), AS_STAMPED)
     assert calibration.status is Status.INSUFFICIENT_DATA
     assert refusals(calibration) == [RejectionReason.TOO_FEW_CAMERAS]
     others = ("cam1", "cam2", "cam3")
@@ -246,7 +250,7 @@ def test_a_camera_that_saw_nobody(four, name, change):
     ids=["clock", "eleven images", "no image", "normalised", "one place"],
 )
 def test_a_camera_that_cannot_be_compared(four, change, reason):
-    calibration = verdict(changed(four.recording, "cam3", change))
+    calibration = verdict(changed(four.recording, "cam3", change), AS_STAMPED)
     assert_the_rest_is_calibrated(calibration, four.truth, without(ALL, "cam3"))
     assert reasons(calibration) == {"cam3": reason}
 

@@ -11,7 +11,8 @@ from stcalib_ros.cli import main
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.convert import ConvertOptions, convert_npz
+from stcalib_ros.io.convert import convert_npz
+from stcalib_ros.io.convert_options import ConvertOptions
 from stcalib_ros.io.results import read_result
 
 JOINTS = LAYOUTS["h36m_17"].joint_names
@@ -129,7 +130,10 @@ def test_command_writes_bag_and_truth(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("changes", "arguments", "message"),
     [
-        ({"K": None, "R": None}, [], "not a multi-view file: it lacks K, R"),
+        ({"kp_names": None, "det_camera": None}, [], "it lacks kp_names, det_camera"),
+        ({"R": None}, [], "not a multi-view file: it has t, but lacks R"),
+        ({"K": None, "dist": None}, [], "not a multi-view file: it has R, but lacks K"),
+        ({"fps": None}, [], "frame rate is nan; give one of"),
         ({"fps": np.array(np.nan)}, [], "frame rate is nan; give one of"),
         ({}, ["--fps", "0"], "frame rate is 0.0"),
         ({}, ["--fps", "1e-300"], "frame rate is 1e-300"),

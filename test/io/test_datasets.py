@@ -16,7 +16,8 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.io.bag import read_bag
-from stcalib_ros.io.convert import Converted, ConvertOptions, convert_arrays
+from stcalib_ros.io.convert import Converted, convert_arrays
+from stcalib_ros.io.convert_options import ConvertOptions
 from stcalib_ros.io.datasets import DatasetOptions, read_dataset
 from stcalib_ros.io.datasets.alphapose import detected_keypoints, h36m_keypoints
 from stcalib_ros.io.results import read_result
@@ -369,6 +370,16 @@ def test_errors_name_what_is_missing(tmp_path: Path) -> None:
         read_dataset("panoptic", folder, DatasetOptions(poses=poses))
 
 
-def test_data_set_options_need_a_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["convert", "x.npz", str(tmp_path / "o.mcap"), "--cameras", "1"]) == 2
-    assert "need a --format" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        (["--sigma-px", "1"], "--sigma-px is for data sets, but x.npz is read as npz"),
+        (["--cameras", "1"], "--cameras is for other formats, but x.npz is read as npz"),
+    ],
+)
+def test_options_of_other_formats_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: list[str], message: str
+) -> None:
+    out = str(tmp_path / "o.mcap")
+    assert main(["convert", "x.npz", out, "--format", "npz", *option]) == 2
+    assert message in capsys.readouterr().err

@@ -15,6 +15,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.io.camera_info_yaml import read_camera_info_yaml
+from stcalib_ros.io.exports.plain import CAMERA_INFO, STCALIB
 from stcalib_ros.io.history import History, Kept
 from stcalib_ros.io.limits import MAX_FILES
 from stcalib_ros.io.results import write_result
@@ -199,7 +200,7 @@ def refused_everywhere(history: History) -> None:
         lambda: history.latest(anything),
         lambda: history.before(0, anything),
         lambda: history.add(calibration(20)),
-        lambda: history.export(calibration(20), "x.yaml"),
+        lambda: history.export(calibration(20), "x.yaml", STCALIB),
         lambda: history.withdraw_after(0),
         history.sweep,
     ):
@@ -306,7 +307,7 @@ print(first.number)
 def test_export_writes_below_the_folder(history):
     history.add(calibration(10))
     (history.folder / "site").mkdir()
-    path = history.export(calibration(10), "site/hall.yaml")
+    path = history.export(calibration(10), "site/hall.yaml", STCALIB)
     assert path.read_text() == (history.folder / "calibration.000001.yaml").read_text()
 
 
@@ -349,7 +350,7 @@ def test_export_writes_nowhere_else(history, tmp_path, name):
     (history.folder / "circle.yaml").symlink_to("circle.yaml")
     before = sorted(p for p in tmp_path.rglob("*"))
     with pytest.raises(InputError):
-        history.export(calibration(20), name)
+        history.export(calibration(20), name, STCALIB)
     assert sorted(p for p in tmp_path.rglob("*")) == before
     assert target.read_text() == "untouched"
     latest, skipped = history.latest(anything)
@@ -361,7 +362,7 @@ def test_export_writes_nowhere_else(history, tmp_path, name):
 @pytest.mark.parametrize("length", [230, 241, 245, 250, 255])
 def test_export_to_the_longest_names_there_are(history, length):
     name = f"{'n' * (length - 5)}.yaml"
-    history.export(calibration(10), name)
+    history.export(calibration(10), name, STCALIB)
     assert names(history) == [name]
 
 
@@ -370,14 +371,14 @@ def test_export_does_not_fill_the_disk(history):
     for n in range(MAX_FILES - 1):
         (history.folder / f"{n}.yaml").touch()
     with pytest.raises(InputError, match="no more than 1000 files"):
-        history.export(calibration(10), "one_more.yaml")
-    assert history.export(calibration(10), "1.yaml").stat().st_size > 0
+        history.export(calibration(10), "one_more.yaml", STCALIB)
+    assert history.export(calibration(10), "1.yaml", STCALIB).stat().st_size > 0
 
 
 def test_lenses_are_written_below_the_folder(history):
     history.add(calibration(10))
     for _ in range(2):
-        folder = history.export_camera_info(calibration(10), "lenses")
+        folder = history.export(calibration(10), "lenses", CAMERA_INFO)
     assert folder == history.folder / "lenses"
     assert sorted(p.name for p in folder.iterdir()) == ["cam0.yaml", "cam1.yaml"]
     name, lens = read_camera_info_yaml(folder / "cam1.yaml")
@@ -401,18 +402,18 @@ def test_lenses_are_written_nowhere_else(history, tmp_path, name):
     (history.folder / "circle").symlink_to("circle")
     before = sorted(p for p in tmp_path.rglob("*"))
     with pytest.raises(InputError):
-        history.export_camera_info(calibration(20), name)
+        history.export(calibration(20), name, CAMERA_INFO)
     assert sorted(p for p in tmp_path.rglob("*")) == before
 
 
 def test_lenses_do_not_fill_the_disk(history):
-    folder = history.export_camera_info(calibration(10), "lenses")
-    for n in range(MAX_FILES - 4):
+    folder = history.export(calibration(10), "lenses", CAMERA_INFO)
+    for n in range(MAX_FILES - 2):
         (folder / f"{n}.yaml").touch()
-    assert history.export_camera_info(calibration(10), "lenses") == folder
-    (folder / "one_more.yaml").touch()
+    assert history.export(calibration(10), "lenses", CAMERA_INFO) == folder
+    (folder / "cam1.yaml").rename(folder / "one_more.yaml")
     with pytest.raises(InputError, match="no more than 1000 files"):
-        history.export_camera_info(calibration(10), "lenses")
+        history.export(calibration(10), "lenses", CAMERA_INFO)
 
 
 def test_what_cannot_be_written_is_said(tmp_path):

@@ -14,7 +14,9 @@ from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.recording import CameraRecording
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.config import read_config
-from stcalib_ros.io.lens_settings import LensSettings
+from stcalib_ros.io.lens_files import read_lens_fields
+from stcalib_ros.io.lens_settings import LensFile, LensSettings
+from stcalib_ros.io.topics import CameraSelection
 
 NO_LENS = {"k": [0.0] * 9, "p": [0.0] * 12, "d": [], "distortion_model": ""}
 
@@ -99,6 +101,33 @@ def test_the_size_of_the_image_is_enough(tmp_path: Path, info: dict[str, Any]) -
     assert not camera.intrinsics.known
     assert (camera.intrinsics.width, camera.intrinsics.height) == (800, 600)
     assert camera.lens_knowledge is LensKnowledge.UNKNOWN
+
+
+def with_file(tmp_path: Path, messages: list[Any]) -> CameraRecording:
+    """The camera of a bag of such messages, with COLMAP's lenses given for all cameras."""
+    (tmp_path / "cameras.txt").write_text("1 PINHOLE 640 480 700 701 320.5 240.5\n")
+    path = bags.write_bag(tmp_path / "a.mcap", messages)
+    file = LensFile("cameras.txt", read_lens_fields(tmp_path / "cameras.txt"))
+    (camera,) = read_bag(path, selection=CameraSelection(lens_file=file)).cameras
+    return camera
+
+
+def test_a_file_takes_the_place_of_camera_info(tmp_path: Path) -> None:
+    """Of one that has another lens, and of one that there is not."""
+    for messages in (bags.camera(), [m for m in bags.camera() if m[1] != bags.CAMERA_INFO]):
+        camera = with_file(tmp_path, messages)
+        assert camera.lens_knowledge is LensKnowledge.GIVEN
+        np.testing.assert_array_equal(
+            camera.intrinsics.K, [[700, 0, 320], [0, 701, 240], [0, 0, 1]]
+        )
+
+
+def test_a_file_that_knows_no_rectified_image(tmp_path: Path) -> None:
+    images = [bags.poses(k, rectified=True) for k in range(3)]
+    with pytest.raises(
+        InputError, match=r"cam0: its keypoints are of rectified images, .*camera_i"
+    ):
+        with_file(tmp_path, bags.camera(images=images))
 
 
 def test_a_size_that_contradicts_camera_info(tmp_path: Path) -> None:

@@ -42,6 +42,7 @@ def test_what_pip_installs_is_what_rosdep_installs(root):
     names = requirements(root / "requirements/core.txt") | requirements(
         root / "requirements/report.txt"
     )
+    names -= {"tomli"}  # of Python 3.10, which no distribution of ROS that we build for has
     wanted = {ROS_KEYS.get(name, f"python3-{name}") for name in names}
     tags = ET.parse(root / "package.xml").getroot().iter("exec_depend")
     pip_keys = {t.text for t in tags if t.text and "-" in t.text}

@@ -26,7 +26,7 @@ from stcalib_ros.core.synthetic import SceneOptions, simulate
 from stcalib_ros.io.bag_writer import write_bag
 from stcalib_ros.io.history import History
 from stcalib_ros.io.mocap import shipped_clips
-from stcalib_ros.io.results import read_result
+from stcalib_ros.io.results import read_result, write_result
 
 ROOT = Path(__file__).parents[2]
 PARAMETERS = {"cameras": "[cam0, cam1, cam2]"}
@@ -121,6 +121,28 @@ def test_replay_publishes_there_too(setup_file, tmp_path):
         camera = read_result(output).cameras[1]
         assert frame == f"{camera.frame_id}_found"
         assert frames[frame][1:] == pytest.approx(camera.t_ref_cam.tolist(), abs=1e-12)
+        assert live.stop()[0] == 0
+    finally:
+        live.kill()
+
+
+def test_a_finished_result_is_there_by_one_command(setup_file, tmp_path):
+    write_result(calibration(), tmp_path / "walk.yaml")
+    live = LiveNode(
+        tmp_path,
+        {"tf_suffix": "_found"},
+        "publish",
+        setup_file=setup_file,
+        executable="publish",
+        arguments=[tmp_path / "walk.yaml"],
+    )
+    try:
+        frames, known = heard(setup_file), expected(calibration(), "_found")
+        assert {name: frame[0] for name, frame in frames.items()} == {
+            name: frame[0] for name, frame in known.items()
+        }
+        for name, frame in frames.items():
+            assert frame[1:] == pytest.approx(known[name][1:], abs=1e-12)
         assert live.stop()[0] == 0
     finally:
         live.kill()

@@ -18,6 +18,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.io import history as history_module
+from stcalib_ros.io.exports import EXPORTS
 from stcalib_ros.io.history import History
 from stcalib_ros.io.results import write_result
 from stcalib_ros.ros.convert import calibration_result
@@ -59,7 +60,7 @@ class Published:
 class Node:
     """What the node has of it: log, publishers, clock."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, initial: Path | None = None) -> None:
         self.log, self.published, self.now_s = Log(), Published(), 0.0
         self.in_force = InForce(
             History(folder, keep=5),
@@ -69,7 +70,7 @@ class Node:
             self.log,
             clock=lambda: self.now_s,
         )
-        self.in_force.load()
+        self.in_force.load(initial)
 
 
 def saved(folder: Path, *calibrations: Calibration) -> None:
@@ -105,6 +106,41 @@ def test_after_a_start_the_newest_that_can_be_used_is_in_force(tmp_path, said):
     ]
     with pytest.raises(InputError, match="no earlier calibration"):
         node.in_force.rollback()
+
+
+def test_a_result_file_is_in_force_from_the_start(tmp_path):
+    given, folder = tmp_path / "walk.yaml", tmp_path / "results"
+    write_result(calibration(10), given)
+    node = Node(folder, given)
+    assert node.published.run_ids == ["file-walk"]
+    assert node.log.lines[-1] == f"{given} is in force"
+    assert [p.name for p in folder.iterdir()] == ["calibration.000001.yaml"]
+    again = Node(folder, given)
+    assert again.published.run_ids == ["saved-000001"]
+    assert "its data are not from later" in again.log.lines[-1]
+    again.in_force.replace(calibration(20, window_s=(1.0, 5.0)), "run-1")
+    assert Node(folder, given).published.run_ids == ["saved-000002"]
+    write_result(calibration(30, window_s=(4.0, 6.0)), given)
+    node = Node(folder, given)
+    assert node.published.run_ids == ["saved-000002", "file-walk"]
+    assert node.in_force.rollback() == "calibration 2 is in force again"
+
+
+REFUSED = {
+    r"not to be used \(NOT_CONVERGED\)": {"status": Status.NOT_CONVERGED},
+    "the cameras cam9, which are not configured": {"cameras": OTHERS},
+}
+
+
+@pytest.mark.parametrize("said", REFUSED)
+def test_a_result_file_that_cannot_be_used_is_an_error(tmp_path, said):
+    given = tmp_path / "walk.yaml"
+    write_result(calibration(10, **REFUSED[said]), given)
+    with pytest.raises(InputError, match=f"^initial_calibration: .*walk.yaml.*{said}"):
+        Node(tmp_path / "results", given)
+    with pytest.raises(InputError, match="initial_calibration: no such file"):
+        Node(tmp_path / "results", tmp_path / "absent.yaml")
+    assert not (tmp_path / "results").exists()
 
 
 def test_a_rollback_says_what_it_passed_over(tmp_path):
@@ -186,8 +222,11 @@ def test_it_is_saved_in_the_formats_that_there_are(tmp_path):
     assert node.in_force.export("a.yaml", "stcalib").is_file()
     folder = node.in_force.export("lenses", "camera_info")
     assert sorted(p.name for p in folder.iterdir()) == ["cam0.yaml", "cam1.yaml"]
-    with pytest.raises(InputError, match="'kalibr' is unknown; there is stcalib, camera_info"):
-        node.in_force.export("a.yaml", "kalibr")
+    for form in EXPORTS.values():
+        name = f"of_{form.name}{form.endings[0] if form.endings else ''}"
+        assert node.in_force.export(name, form.name) == tmp_path / name
+    with pytest.raises(InputError, match="'freemocap' is unknown; there is stcalib, camera_info,"):
+        node.in_force.export("a.toml", "freemocap")
 
 
 def test_a_second_node_with_the_same_folder_is_warned_of_once(tmp_path, monkeypatch):

@@ -1,8 +1,12 @@
-"""The loop of the executables: an error in a callback is said and ends nothing."""
+"""Start and loop of the executables: what they are given, and errors in callbacks."""
 
 from __future__ import annotations
 
+import sys
 import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,7 +14,10 @@ pytest.importorskip("rclpy", reason="needs ROS 2: make env")
 
 import rclpy
 
-from stcalib_ros.ros.running import events_executor, spin_until
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.ros.parameters import declare
+from stcalib_ros.ros.restamp_parameters import declare_relay
+from stcalib_ros.ros.running import events_executor, spin_until, start_node
 
 
 @pytest.mark.parametrize("make", [events_executor, lambda context: None], ids=["events", "usual"])
@@ -38,3 +45,68 @@ def test_an_error_in_a_callback_is_said_and_ends_nothing(capfd, make):
     assert len(said) == 1, "each kind of error is said every few seconds"
     assert "ValueError: never?foreseen" in said[0]
     assert "test_running.py" in said[0]
+
+
+def declared_with(
+    declare_all: Callable[[Any], Any], monkeypatch: pytest.MonkeyPatch, *words: str
+) -> None:
+    """Declare the parameters of a node that is started by such words after ``--ros-args``."""
+    arguments = ["--ros-args", *words]
+    monkeypatch.setattr(sys, "argv", ["calibrator", *arguments])
+    context = rclpy.Context()
+    context.init(args=arguments)
+    node = rclpy.create_node("calibrator", context=context)
+    try:
+        declare_all(node)
+    finally:
+        node.destroy_node()
+        context.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("offset_rnge_s:=1.0", "unknown parameter offset_rnge_s: did you mean offset_range_s"),
+        ("camera.cam9.frame:=x", "unknown parameter camera.cam9.frame: did you mean camera.cam"),
+        ("bundel.rounds:=3", r"unknown parameter bundel\.rounds: did you mean bundle\.rounds\?"),
+        ("qqq:=3", "unknown parameter qqq: see `ros2 param list`"),
+    ],
+)
+def test_a_mistyped_parameter(monkeypatch: pytest.MonkeyPatch, given: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        declared_with(declare, monkeypatch, "-p", given)
+
+
+def test_a_mistyped_parameter_of_the_relay(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match=r"result_fil: did you mean result_file"):
+        declared_with(declare_relay, monkeypatch, "-p", "result_fil:=x")
+
+
+def test_parameters_that_are_those_of_the_middleware(monkeypatch: pytest.MonkeyPatch) -> None:
+    declared_with(declare, monkeypatch, "-p", "use_sim_time:=true", "-p", "window_s:=9.0")
+    quality = "qos_overrides./parameter_events.publisher.depth:=10"
+    declared_with(declare, monkeypatch, "-p", quality)
+
+
+def test_a_file_of_parameters_of_another_node(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "p.yaml"
+    file.write_text("calibratr:\n  ros__parameters:\n    window_s: 9.0\n")
+    with pytest.raises(InputError, match=r"p\.yaml has no parameters of /calibrator: they stand"):
+        declared_with(declare, monkeypatch, "--params-file", str(file))
+    file.write_text("calibrator:\n  ros__parameters:\n    window_s: 9.0\n")
+    declared_with(declare, monkeypatch, "--params-file", str(file))
+
+
+def test_a_file_of_parameters_that_is_missing_or_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "p.yaml"
+    monkeypatch.setattr(sys, "argv", ["x", "--ros-args", "--params-file", str(file)])
+    with pytest.raises(InputError, match=r"--params-file: no such file: .*p\.yaml"):
+        start_node("x")
+    file.write_text("/**:\n  ros__parameters: [1]\n")
+    with pytest.raises(InputError, match=r"arguments of ROS: .*p\.yaml.* line \d+$") as caught:
+        start_node("x")
+    assert "\n" not in str(caught.value)

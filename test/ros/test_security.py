@@ -106,6 +106,12 @@ def test_who_plays_a_bag_may_publish_what_cameras_and_the_live_node_do():
     assert published == (live - {"/diagnostics"}) | cameras | {"/clock"}
 
 
+def test_who_publishes_a_finished_result_may_publish_what_the_live_node_does():
+    published = {name for right, name in granted("/stcalib/publish") if right == "publish"}
+    live = {name for right, name in granted("/stcalib/calibrator") if right == "publish"}
+    assert published == {n.replace("/calibrator/", "/publish/") for n in live - {"/diagnostics"}}
+
+
 def test_an_operator_may_ask_for_what_the_live_node_answers():
     answered = {name for right, name in granted("/stcalib/calibrator") if right == "reply"}
     asked = {name for right, name in granted("/stcalib/operator") if right == "request"}
@@ -123,7 +129,7 @@ def test_who_only_looks_can_ask_for_nothing_and_nobody_speaks_for_another():
             if right == "publish" and name not in common:
                 speakers.setdefault(name, []).append(enclave)
     for name, who in speakers.items():
-        others = set(who) - {"/stcalib/replay"}
+        others = set(who) - {"/stcalib/replay", "/stcalib/publish"}
         assert len(others) <= 1 or name == "/diagnostics", f"{name}: {others}"
 
 

@@ -23,8 +23,8 @@ from stcalib_ros.msg import CalibrationResult
 
 from stcalib_ros import cli
 from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.io.exports import EXPORTS
 from stcalib_ros.ros.convert import calibration_result, time_message
-from stcalib_ros.ros.in_force import FORMATS
 from stcalib_ros.ros.services import Run, Services
 from stcalib_ros.ros.worker import failure
 
@@ -185,7 +185,7 @@ def test_a_goal_that_is_refused_is_aborted(server):
 def test_the_formats_that_are_documented_are_those_that_there_are():
     text = (Path(__file__).parents[2] / "srv" / "SaveCalibration.srv").read_text()
     request = text.partition("---")[0]
-    assert tuple(re.findall(r'"(\w+)"', request)) == FORMATS
+    assert tuple(re.findall(r'"(\w+)"', request)) == tuple(EXPORTS)
     commands = re.findall(r"`stcalib (\w+)", text)
     assert commands
     assert all((Path(cli.__file__).parent / "commands" / f"{c}.py").exists() for c in commands)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.lifting.assumed_lenses import with_assumed_lenses
+from stcalib_ros.core.lifting.clock_guess import with_aligned_clocks
 from stcalib_ros.core.lifting.input_values import (
     with_scores_of_one,
     without_repeated_images,
@@ -57,11 +58,14 @@ class ScreenedInput:
         Why the input of a camera cannot be used, by the camera's name.
     remarks : tuple of Remark
         What was put right.
+    shifts_s : mapping of str to float
+        What was added to the stamps of cameras, by name.
     """
 
     recording: Recording
     faults: Mapping[str, Rejection]
     remarks: tuple[Remark, ...]
+    shifts_s: Mapping[str, float]
 
 
 _STEPS: tuple[Callable[[CameraRecording, float], ReadCamera], ...] = (
@@ -87,9 +91,10 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     ------
     InputError
         No camera has a CameraInfo that can be: whoever makes it makes it wrong; or lenses are to
-        be shared, or estimated, that cannot.
+        be shared, or estimated, that cannot; or ``align`` names a camera that is not there.
     """
-    assumed = with_assumed_lenses(recording, options)
+    aligned = with_aligned_clocks(recording, options)
+    assumed = with_assumed_lenses(aligned.recording, options)
     timed = mended_time_base(assumed.recording, options)
     read = [_read(camera, options.min_score) for camera in timed.recording.cameras]
     given = replace(timed.recording, cameras=tuple(one.camera for one in read))
@@ -99,13 +104,16 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     faults |= keypoint_faults(given, min_score=options.min_score)
     faults |= timed.faults
     remarks = sum((one.remarks for one in read), assumed.remarks + timed.remarks)
+    remarks = aligned.remarks + remarks
     remarks += keypoint_remarks(given, min_score=options.min_score)
     remarks += turned_images(given, min_score=options.min_score)
     usable = without_people(given, faults)
     # The paper's method cannot do without 3D poses.
     needed = options.registration.method == "vmf"
     cameras, on_poses = _with_usable_poses(usable.cameras, options.min_score, needed=needed)
-    return ScreenedInput(replace(usable, cameras=cameras), faults, remarks + on_poses)
+    return ScreenedInput(
+        replace(usable, cameras=cameras), faults, remarks + on_poses, aligned.shifts_s
+    )
 
 
 def _require_lenses(recording: Recording, faults: Mapping[str, Rejection]) -> None:

@@ -322,3 +322,8 @@ error is not Gaussian."""
 MAX_LOG_FOCAL = 1.4
 """Logarithm of the ratio to the focal length of the start. What is beyond is no lens. Derived:
 views of 30 to 120 degrees are at 0.85 and -1.02 from the assumed one of 64 degrees."""
+
+MIN_RECEIPT_DELAY_S = 1e-3
+"""Seconds. Times of receipt that are nowhere later or earlier than stamps by as much are copies of
+the stamps, as bags have that were made of files: they say nothing of clocks. Chosen: messages take
+longer from a camera to a recorder."""

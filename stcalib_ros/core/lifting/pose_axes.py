@@ -147,6 +147,17 @@ def pose_axes(camera: CameraRecording, *, min_score: float) -> PoseAxes | None:
     return PoseAxes(plain, best) if plain < MIN_PROJECTION else mirrored
 
 
+def projection_correlation(camera: CameraRecording, *, min_score: float) -> float:
+    """Return the correlation of keypoints with x and y of the 3D poses as they are given.
+
+    NaN where there are too few poses to say so. Parameters are those of `pose_axes`.
+    """
+    joints, x = _samples(camera, min_score)
+    if len(joints) < MIN_SAMPLED_POSES:
+        return float("nan")
+    return float(_correlations(joints, x)[_VIEWS.index(_IDENTITY)])
+
+
 _View = tuple[tuple[int, int], tuple[int, int]]
 _VIEWS: tuple[_View, ...] = tuple(
     ((right, s), (down, t))

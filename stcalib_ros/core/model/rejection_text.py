@@ -80,7 +80,8 @@ _SENTENCES = {
     _R.CLOCK_EPOCH_DIFFERS: (
         "its clock does not overlap with the others: {begin_s:.1f}..{end_s:.1f} s against "
         "{others_begin_s:.1f}..{others_end_s:.1f} s, a gap of {measured:.1f} s where "
-        "{limit:g} s can be bridged; widen offset_range_s or set its clock"
+        "{limit:g} s can be bridged; set its clock, say how far it is off (--align), or widen "
+        "offset_range_s"
     ),
     _R.NO_TEMPORAL_OVERLAP: (
         "at most {measured:.3g} images in common with the others, {limit:.0f} are needed: record "

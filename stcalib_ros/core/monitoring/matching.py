@@ -135,12 +135,12 @@ def associate_span(
     skeleton = common_skeleton(thinned)
     since_epoch_s = recording.epoch_ns * 1e-9 - calibration.epoch_s
     lifted = [
-        _on_reference_clock(camera, pose, since_epoch_s)
+        on_reference_clock(camera, pose, since_epoch_s)
         for camera, pose in zip(
             lift_recording(thinned, skeleton, min_score=min_score, turn=False), poses, strict=True
         )
     ]
-    rig = _rig(poses)
+    rig = rig_of(poses)
     unit_m = metres_per_unit(lifted, rig)
     rig = replace(rig, t_ref_cam=rig.t_ref_cam * unit_m)
     return _observations(thinned, lifted, rig, unit_m)
@@ -154,16 +154,27 @@ def _thinned(camera: CameraRecording) -> CameraRecording:
     return only_images(camera, np.arange(len(camera.stamps)) % stride == 0)
 
 
-def _on_reference_clock(
+def on_reference_clock(
     camera: LiftedCamera, pose: CameraCalibration, since_epoch_s: float
 ) -> LiftedCamera:
+    """Return a camera with stamps by the reference clock.
+
+    Parameters
+    ----------
+    camera : LiftedCamera
+    pose : CameraCalibration
+        Of the same camera.
+    since_epoch_s : float
+        Epoch of its recording after that of the calibration, seconds.
+    """
     correction_s = clock_correction(
         pose.time_offset_s, pose.clock_skew, camera.stamps + since_epoch_s
     )
     return replace(camera, stamps=camera.stamps + correction_s)
 
 
-def _rig(poses: Sequence[CameraCalibration]) -> Rig:
+def rig_of(poses: Sequence[CameraCalibration]) -> Rig:
+    """Return the rig of calibrated cameras whose stamps are by the reference clock."""
     return Rig(
         cameras=np.arange(len(poses)),
         R_ref_cam=np.stack([pose.R_ref_cam for pose in poses]),

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
+from stcalib_ros.core.bundle.motion_filter import principal_variances
+from stcalib_ros.core.bundle.residuals import noise_px
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.lifted import LiftedCamera
@@ -37,12 +39,16 @@ class PersonTrajectory:
     joints_ref : (K, J, 3) ndarray
         In the reference frame, in the calibration's unit; NaN where fewer than two cameras have
         an inlier.
+    stddev : (K, J) ndarray
+        Standard deviation of a joint's position, the root of the sum over the axes, in the same
+        unit: what the noise of the keypoints makes of it, with the cameras taken as known.
     """
 
     person_id: int
     layout: Layout
     times_s: Float64Array
     joints_ref: Float64Array
+    stddev: Float64Array
 
 
 def reconstruct(
@@ -66,8 +72,12 @@ def reconstruct(
         result.
     """
     found = found_persons(cameras, last)
+    obs, state = last.observations, last.state
+    variances, _ = principal_variances(obs, state, noise_px(obs, state))
+    origin, along_x = to_result(np.zeros(3)), to_result(np.array([1.0, 0.0, 0.0]))
+    stddev = float(np.linalg.norm(along_x - origin)) * np.sqrt(variances.sum(-1))
     return tuple(
-        _trajectory(person.person_id, last, rows, layout, to_result)
+        _trajectory(person.person_id, last, rows, layout, to_result, stddev)
         for (_, person), rows in zip(found, person_rows(cameras, last), strict=True)
     )
 
@@ -95,8 +105,12 @@ def _trajectory(
     rows: IntArray,
     layout: Layout,
     to_result: Callable[[Float64Array], Float64Array],
+    stddev: Float64Array,
 ) -> PersonTrajectory:
     obs = last.observations
     joints = to_result(joint_path(last, rows))
     times = obs.start_s + obs.step_s * (obs.time_bin[rows[0]] + np.arange(len(joints)))
-    return PersonTrajectory(person_id, layout, times, joints)
+    spread = np.full(joints.shape[:2], np.nan)
+    spread[obs.time_bin[rows] - obs.time_bin[rows[0]]] = stddev[rows]
+    spread[np.isnan(joints[..., 0])] = np.nan
+    return PersonTrajectory(person_id, layout, times, joints, spread)

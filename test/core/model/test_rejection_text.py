@@ -68,7 +68,7 @@ REJECTIONS = (
     (Rejection(R.KEYPOINTS_COINCIDE, (), 0.5, 1.0, "px"), "at one place, within 0.5 px: check"),
     (
         Rejection(R.CLOCK_EPOCH_DIFFERS, (), 3598.0, 1.0, "s", (), SPANS),
-        r"3600.0..3602.0 s against 0.0..2.0 s, a gap of 3598.0 s where 1 s can be bridged; widen",
+        r"3600.0..3602.0 s against 0.0..2.0 s, a gap of 3598.0 s where 1 s can be bridged; set i",
     ),
     (Rejection(R.NO_TEMPORAL_OVERLAP, (), 11.0, 12.0), "at most 11 images .*, 12 are needed"),
     (Rejection(R.NO_MOTION, (), 0.012, 0.03), "by 1.2% of a body's height at most, 3% are needed"),
@@ -211,6 +211,10 @@ REMARKS = (
     (
         Remark(C.IMAGES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_images": 300}),
         "^a: 12 of 300 images are left out",
+    ),
+    (
+        Remark(C.CLOCKS_ALIGNED, ("a", "b"), {"seconds": -3600.5, "range_s": 2.0}, "of x"),
+        "^-3600.500 s were added to the stamps of a, b before .* within 2 s, since of x: a guess,",
     ),
     (
         Remark(C.PEOPLE_OF_UNUSUAL_SIZE, (), {"ratio": 1.22}),

@@ -1,0 +1,1 @@
+"""Lenses in the files of other programs: one module a format."""

@@ -1,0 +1,181 @@
+"""Which file is of which camera, and of which image: by folders and names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from pathlib import Path, PurePath
+from typing import NamedTuple
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.io.limits import MAX_SOURCE_FILES
+from stcalib_ros.io.messages import NS
+
+_HEAD_BYTES = 1 << 16
+"""Bytes at the begin of a file by which it is recognised: MMPose's, which begin with a description
+of the joints, have 20,000 before the first pose. Measured."""
+_N_LOOKED_AT = 50
+"""Files that are looked at to recognise a source, count: images at its begin may be without people.
+Chosen."""
+_MAX_CAMERAS = 256
+"""Cameras, count. Names of images that begin in more ways are taken for something else, as dates.
+Chosen: above the largest rigs."""
+_NUMBER = re.compile(r"(.*?)(\d+)\D*")
+_SECONDS = re.compile(r"(.*?)(?<!\d)(\d{10})[._-](\d{9}|\d{6}|\d{3})(?!\d)\D*")
+"""A stamp of seconds and their fraction in the name of a file."""
+_UNIX_DIGITS = {13: 6, 16: 3, 19: 0}
+"""Digits of a Unix time in ms, us and ns, and the power of ten that makes it ns."""
+_ADDED = re.compile(
+    r"^((results|predictions|keypoints|poses?)[_.-])+"
+    r"|([_.-](json|keypoints|openpose|alphapose|results|poses?|2d))+$",
+    re.IGNORECASE,
+)
+"""What programs add to the name of a camera."""
+
+
+class NumberedFile(NamedTuple):
+    """A file of one image.
+
+    `stamp_ns` is None where its name has a number, not a time.
+    """
+
+    path: PurePath
+    image: int
+    stamp_ns: int | None
+
+
+def files_below(path: Path) -> tuple[Path, ...]:
+    """All files of a source, in the order of their names; hidden ones are left out.
+
+    Raises
+    ------
+    InputError
+        It is not there, or has more files than any recording.
+    """
+    if path.is_file():
+        return (path,)
+    if not path.is_dir():
+        raise InputError(f"no such file or folder: {path}")
+    found = []
+    for file in path.rglob("*"):
+        if not any(part.startswith(".") for part in file.relative_to(path).parts):
+            found.append(file)
+        if len(found) > MAX_SOURCE_FILES:
+            raise InputError(f"{path} has more than {MAX_SOURCE_FILES} files: name a folder in it")
+    return tuple(sorted(file for file in found if file.is_file()))
+
+
+def head(path: Path) -> str:
+    """Begin of a text file; empty if it is none or cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(_HEAD_BYTES).decode("utf-8", errors="ignore").lstrip()
+    except OSError:
+        return ""
+
+
+def with_suffix(files: Iterable[Path], suffix: str) -> list[Path]:
+    """Return the files of one ending."""
+    return [file for file in files if file.suffix.lower() == suffix]
+
+
+def looked_at(files: Sequence[Path], suffix: str) -> list[Path]:
+    """Return some files of one ending, from all parts of the source, to recognise it by."""
+    fitting = with_suffix(files, suffix)
+    return fitting[:: max(len(fitting) // _N_LOOKED_AT, 1)]
+
+
+def by_camera(root: Path, files: Sequence[Path]) -> dict[str, Path]:
+    """Return files, each of a camera, by its name.
+
+    Raises
+    ------
+    InputError
+        Two would have the same name.
+    """
+    keys = [(*_folders(root, file), file.stem) for file in files]
+    return dict(zip(_names(root, keys), files, strict=True))
+
+
+def by_camera_and_image(
+    root: Path, files: Sequence[PurePath]
+) -> dict[str, tuple[NumberedFile, ...]]:
+    """Return files, each of an image, by the name of the camera: its folder, or how names begin.
+
+    Raises
+    ------
+    InputError
+        A name has no number, or two files of a camera have the same.
+    """
+    groups: dict[tuple[str, ...], list[NumberedFile]] = {}
+    for file in files:
+        prefix, numbered = _numbered(file)
+        groups.setdefault((*_folders(root, file), prefix), []).append(numbered)
+    if len(groups) > _MAX_CAMERAS:
+        raise InputError(
+            f"{root}: names of images begin in {len(groups)} ways, so that no camera can be told: "
+            "give each camera a folder, and its images numbers"
+        )
+    names = _names(root, list(groups))
+    return {n: _ordered(root, g) for n, g in zip(names, groups.values(), strict=True)}
+
+
+def _folders(root: Path, file: PurePath) -> tuple[str, ...]:
+    return file.relative_to(root if root.is_dir() else root.parent).parts[:-1]
+
+
+def _numbered(file: PurePath) -> tuple[str, NumberedFile]:
+    if timed := _SECONDS.fullmatch(file.stem):
+        stamp = int(timed[2]) * NS + int(timed[3].ljust(9, "0"))
+        return timed[1], NumberedFile(file, stamp, stamp)
+    match = _NUMBER.fullmatch(file.stem)
+    if match is None:
+        raise InputError(
+            f"{file}: its name has no number of an image, as in {file.stem}_000001{file.suffix}"
+        )
+    digits = match[2]
+    power = None if digits.startswith("0") else _UNIX_DIGITS.get(len(digits))
+    if power is None:
+        return match[1], NumberedFile(file, int(digits), None)
+    stamp = int(digits) * 10**power
+    return match[1], NumberedFile(file, stamp, stamp)
+
+
+def _ordered(root: Path, group: list[NumberedFile]) -> tuple[NumberedFile, ...]:
+    group = sorted(group, key=lambda one: one.image)
+    for one, other in pairwise(group):
+        if one.image == other.image:
+            raise InputError(f"{root}: {one.path} and {other.path} are of one image")
+    return tuple(group)
+
+
+def _names(root: Path, keys: Sequence[tuple[str, ...]]) -> list[str]:
+    """Return a name for each camera: by the part of its key in which all differ."""
+    deepest = max((len(key) for key in keys), default=0)
+    columns = list(zip(*[(*[""] * (deepest - len(key)), *key) for key in keys], strict=True))
+    columns = [tuple(plain_name(part) for part in column) for column in columns]
+    if len(keys) == 1:
+        return [next((part for (part,) in columns if part), plain_name(root.stem) or "cam0")]
+    telling = [column for column in columns if len(set(column)) > 1] or columns
+    alone = [column for column in telling if len(set(column)) == len(keys) and all(column)]
+    names = (
+        list(alone[0]) if alone else ["_".join(filter(None, p)) for p in zip(*telling, strict=True)]
+    )
+    if len(set(names)) < len(keys):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise InputError(
+            f"{root}: two cameras would be named {', '.join(twice)}: give each a folder of its own"
+        )
+    return names
+
+
+def plain_name(text: str) -> str:
+    """Return a camera's name as topics can have it: letters, digits and underscores."""
+    name = re.sub(r"\W", "_", _ADDED.sub("", text), flags=re.ASCII).strip("_")
+    return f"cam{name}" if name[:1].isdigit() else name
+
+
+def natural_order(name: str) -> tuple[tuple[str, int], ...]:
+    """Key by which cam2 comes before cam10."""
+    return tuple((text, int(digits or 0)) for text, digits in re.findall(r"(\D*)(\d*)", name))

@@ -1,0 +1,58 @@
+"""OpenPose's JSON, one file for each image, as many other programs write it as well.
+
+::
+
+    SOURCE/CAMERA/video_000000000001_keypoints.json     folders or the begin of names tell cameras
+
+``people`` have ``pose_keypoints_2d``: x, y, score of BODY_25, COCO or other joints. ``person_id``
+is ``[-1]`` without tracking.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path, PurePath
+
+from stcalib_ros.io.json_files import read_json
+from stcalib_ros.io.sources.cameras import head, looked_at, with_suffix
+from stcalib_ros.io.sources.form import PoseFormat, PoseSource, points_of, reading, track_of
+from stcalib_ros.io.sources.images import PersonInImage, cameras_of_images
+
+_EMPTY = re.compile(r'"people"\s*:\s*\[\s*\]')
+
+
+def is_openpose(path: Path, files: Sequence[Path]) -> bool:
+    """Whether JSON files begin as those of OpenPose do."""
+    del path
+    heads = (head(file) for file in looked_at(files, ".json"))
+    return any(
+        text.startswith("{") and '"people"' in text and bool("_2d" in text or _EMPTY.search(text))
+        for text in heads
+    )
+
+
+def read_openpose(path: Path, files: Sequence[Path]) -> PoseSource:
+    """Read the poses of all cameras.
+
+    Raises
+    ------
+    InputError
+        A file has another form, or its name no number.
+    """
+    found: dict[PurePath, list[PersonInImage]]
+    found = {file: _people(file) for file in with_suffix(files, ".json")}
+    return PoseSource(path, cameras_of_images(path, found, complete=True))
+
+
+def _people(file: Path) -> list[PersonInImage]:
+    content = read_json(file)
+    with reading(file, "a result of OpenPose"):
+        people = [
+            PersonInImage(track_of(person.get("person_id")), points_of(person["pose_keypoints_2d"]))
+            for person in content["people"]
+        ]
+    return [person for person in people if len(person.points)]
+
+
+OPENPOSE = PoseFormat("OpenPose's JSON, a file for each image", is_openpose, read_openpose)

@@ -1,0 +1,130 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pose_files import FPS, N_FRAMES, Seen, assert_read, convert, scene, seen_by, write_lenses
+
+from stcalib_ros.cli import main
+from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
+from stcalib_ros.io.results import read_result
+
+
+def person(one: Seen, track: int = -1) -> dict[str, Any]:
+    flat = one.points.ravel().tolist()
+    return {"person_id": [track], "pose_keypoints_2d": flat, "face_keypoints_2d": []}
+
+
+def write_image(path: Path, people: list[dict[str, Any]]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"version": 1.3, "people": people}))
+
+
+def openpose(folder: Path, n_images: int, layout: str = "body_25") -> Path:
+    """As ``--write_json`` writes: a folder for each camera, a file for each image."""
+    for camera in scene().cameras:
+        for k, people in enumerate(seen_by(camera, layout, n_images)):
+            name = f"walk_{k:012d}_keypoints.json"
+            write_image(folder / f"{camera.name}_json" / name, [person(one) for one in people])
+    return folder
+
+
+def test_two_commands_calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, lenses = openpose(tmp_path / "op", N_FRAMES), write_lenses(tmp_path / "lenses")
+    bag, result = tmp_path / "w.mcap", tmp_path / "w.yaml"
+    arguments = ["--fps", "30", "--intrinsics", str(lenses)]
+    assert main(["convert", str(source), str(bag), *arguments]) == 0
+    said = capsys.readouterr().out
+    assert "Read as openpose" in said
+    assert f"Next: stcalib calibrate {bag} --output w.yaml\n" in said
+    assert main(["calibrate", str(bag), "--output", str(result)]) == 0
+    assert [c.name for c in read_result(result).cameras] == ["cam0", "cam1", "cam2"]
+
+
+def test_without_a_lens_the_next_command_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    convert(openpose(tmp_path / "op", 2), "--fps", "30", "--image-size", "1920x1080")
+    said = capsys.readouterr().out
+    assert "1920 x 1080 px, lens unknown" in said
+    assert said.endswith("--intrinsics unknown\n")
+
+
+@pytest.mark.parametrize("layout", ["body_25", "coco_18", "halpe_26"])
+def test_every_pose_is_read(tmp_path: Path, layout: str) -> None:
+    recording = convert(
+        openpose(tmp_path / "op", 12, layout), "--fps", "30", "--image-size", "1920x1080"
+    )
+    for camera, own in zip(recording.cameras, scene().cameras, strict=True):
+        assert camera.layout is LAYOUTS[layout]
+        assert not camera.intrinsics.known
+        assert (camera.intrinsics.width, camera.intrinsics.height) == (1920, 1080)
+        np.testing.assert_allclose(np.diff(camera.stamps), 1 / FPS, atol=1e-6)
+        assert_read(camera, seen_by(own, layout, 12), tracked=False)
+
+
+def test_ids_and_times_in_names(tmp_path: Path) -> None:
+    """Cameras by how the names begin; stamps of 40 ms, in us; ids of OpenPose's tracking."""
+    cameras = scene().cameras[:2]
+    for camera in cameras:
+        for k, people in enumerate(seen_by(camera, "body_25", 6)):
+            stamp = 1_760_000_000_000_000 + 40_000 * k
+            found = [person(one, one.track) for one in people]
+            write_image(tmp_path / "flat" / f"{camera.name}-{stamp}_keypoints.json", found)
+    recording = convert(tmp_path / "flat", "--image-size", "1920x1080")
+    assert recording.epoch_ns == 1_760_000_000 * 10**9
+    for camera, own in zip(recording.cameras, cameras, strict=True):
+        assert camera.name == own.name
+        np.testing.assert_allclose(camera.stamps, 0.04 * np.arange(6))
+        assert_read(camera, seen_by(own, "body_25", 6), tracked=True)
+
+
+def test_cameras_and_images_are_chosen(tmp_path: Path) -> None:
+    source = openpose(tmp_path / "op", 12)
+    size = ["--fps", "30", "--image-size", "1920x1080"]
+    recording = convert(source, *size, "--cameras", "cam2,cam0", "--frames", "4:7")
+    assert [camera.name for camera in recording.cameras] == ["cam0", "cam2"]
+    assert_read(
+        recording.cameras[0], seen_by(scene().cameras[0], "body_25", 12)[4:8], tracked=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "arguments", "message"),
+    [
+        (None, [], "does not say how many images a second were taken: give --fps HZ"),
+        (None, ["--fps", "30"], "how large the images of cam0 are: give --image-size"),
+        (None, ["--fps", "3e4"], "frame rate is 30000.0; give one of"),
+        (None, ["--cameras", "cam7"], "has no camera cam7: there are cam0, cam1, cam2"),
+        (None, ["--frames", "50:60"], "cam0 has images 0 to 1, none of 50 to 60"),
+        (None, ["--sigma-px", "1"], "--sigma-px is for data sets, but"),
+        (None, ["--truth", "t.yaml", "--fps", "30", "--image-size", "9x9"], "has no true poses"),
+        ('{"people": [{"pose_keypoints_2d": [1, 2]}]}', [], "is not a result of OpenPose"),
+        ('{"people": [{"pose_keypoints_2d": "x"}]}', [], "is not a result of OpenPose"),
+        ('{"people": 3}', [], "is not a result of OpenPose"),
+        (
+            '{"people": [{"pose_keypoints_2d": [0, 0, 0]}]}',
+            ["--fps", "9"],
+            "of 1 and of 25 keypoints",
+        ),
+        ('{"people": ', [], "is not valid JSON"),
+    ],
+)
+def test_unusable(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    content: str | None,
+    arguments: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    openpose(Path("op"), 2)
+    if content is not None:
+        Path("op/cam0_json/walk_000000000000_keypoints.json").write_text(content)
+    assert main(["convert", "op", "out.mcap", *arguments]) == 2
+    assert message in capsys.readouterr().err
+    assert not Path("out.mcap").exists()

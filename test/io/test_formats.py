@@ -1,0 +1,59 @@
+"""What a source is, found by its content; and what is said of one that is nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stcalib_ros.cli import main
+from stcalib_ros.io.formats import FORMATS
+
+
+@pytest.mark.parametrize(
+    ("files", "source", "message"),
+    [
+        ({}, "none", "no such file or folder: none"),
+        ({"x/a.mp4": b"0"}, "x", "x is a folder of 1 .mp4, and none of the formats"),
+        ({"x/a.mp4": b"0"}, "x/a.mp4", "a file .mp4 of 1 bytes, and none of the formats"),
+        ({"x/.hidden": b"0"}, "x", "x is an empty folder, and none of"),
+        (
+            {"x.json": b'{"a": 1}'},
+            "x.json",
+            "none of the formats that can be converted: npz, pose2sim",
+        ),
+        ({"x.npz": b"PK"}, "x.npz", "a file .npz of 2 bytes"),
+        ({"x.json": b"\xff\xfe\x00"}, "x.json", "none of the formats"),
+    ],
+)
+def test_what_is_none_of_them(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    files: dict[str, bytes],
+    source: str,
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, content in files.items():
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).write_bytes(content)
+    assert main(["convert", source, "out.mcap"]) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert "pickle" not in said
+
+
+def test_objects_of_python_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    np.savez(tmp_path / "x.npz", camera_names=np.array([{}], dtype=object))
+    assert main(["convert", str(tmp_path / "x.npz"), str(tmp_path / "o.mcap")]) == 2
+    said = capsys.readouterr().err
+    assert "an array of Python objects" in said
+    assert "pickle" not in said
+
+
+def test_every_format_is_explained() -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    pages = (docs / "formats.md").read_text() + (docs / "datasets.md").read_text()
+    assert [name for name in FORMATS if f"`{name}`" not in pages and f"| {name}" not in pages] == []

@@ -1,0 +1,96 @@
+"""``stcalib doctor``: what it prints, and how it ends."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from core_helpers import SMALL, changed, clock_shifted
+
+import stcalib_ros
+from stcalib_ros.cli import main
+from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.synthetic import simulate
+from stcalib_ros.io.bag_writer import write_bag
+
+DEMO = Path(stcalib_ros.__file__).parent / "data" / "demo" / "balance.mcap"
+WIDTH = 80
+
+
+def bag(folder: Path, recording: Recording) -> str:
+    write_bag(recording, folder / "walk.mcap")
+    return str(folder / "walk.mcap")
+
+
+def recorded() -> Recording:
+    return simulate(replace(SMALL, n_frames=150)).recording
+
+
+def test_the_demo_will_calibrate_and_its_tables_fit_a_terminal(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["doctor", str(DEMO)]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "4 cameras, 2.2 s, 400 images" in out
+    assert "Prediction: will calibrate, 4 of 4 cameras" in out
+    assert max(map(len, out.splitlines()[2:])) <= WIDTH
+
+
+def test_json_has_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor", str(DEMO), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["will_calibrate"] is True
+    assert found["calibrated"] == ["cam01", "cam02", "cam03", "cam04"]
+    assert [camera["layout"] for camera in found["cameras"]] == ["blazepose_33"] * 4
+    assert len(found["pairs"]) == 6
+    assert found["cameras"][0]["lens"] == "given"
+    assert found["advice"][0]["code"] == "RECORD_LONGER"
+
+
+def test_what_will_not_calibrate_ends_with_3_and_the_code(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = changed(recorded(), "cam1", clock_shifted(3600.0))
+    two = Recording(recording.cameras[:2], recording.epoch_ns)
+    path = bag(tmp_path, two)
+    assert main(["doctor", path]) == 3
+    out, err = capsys.readouterr()
+    assert "stcalib: Prediction: will NOT calibrate. TOO_FEW_CAMERAS" in err
+    assert "Left out:" in out
+    assert "CLOCK_EPOCH_DIFFERS" in out
+    assert main(["doctor", path, "--json"]) == 3
+    found = json.loads(capsys.readouterr().out)
+    assert found["will_calibrate"] is False
+    assert found["reasons"][0]["code"] == "TOO_FEW_CAMERAS"
+
+
+def test_options_are_those_of_calibrate(tmp_path: Path) -> None:
+    recording = changed(recorded(), "cam1", clock_shifted(12.0))
+    path = bag(tmp_path, Recording(recording.cameras[:2], recording.epoch_ns))
+    assert main(["doctor", path]) == 3
+    assert main(["doctor", path, "--offset-range", "7"]) == 0
+
+
+def test_unknown_lenses_are_unusable_until_they_are_to_be_estimated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(tmp_path / "walk.mcap")
+    truth = str(tmp_path / "truth.yaml")
+    size = ["--n-cameras", "2", "--n-people", "1", "--n-frames", "90"]
+    assert main(["simulate", path, "--truth", truth, "--unknown-lenses", *size]) == 0
+    capsys.readouterr()
+    assert main(["doctor", path]) == 2
+    out, err = capsys.readouterr()
+    assert "cam0    90 " in out
+    assert "--intrinsics" in err
+
+
+@pytest.mark.parametrize("name", ["nothing.mcap", "."])
+def test_what_is_no_bag_ends_with_2(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["doctor", str(tmp_path / name)]) == 2
+    assert capsys.readouterr().err.startswith("stcalib: ")
