@@ -13,6 +13,7 @@ from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.recording import CameraRecording, Recording, Track, unknown_joints
 from stcalib_ros.io.lens_settings import LensSettings, lens_of_settings
 from stcalib_ros.io.limits import MAX_REPEATED_IDS
+from stcalib_ros.io.message_types import NO_TRACK
 from stcalib_ros.io.messages import (
     NS,
     CameraInfoFields,
@@ -63,7 +64,8 @@ def assemble_recording(cameras: Sequence[CameraImages], *, warn: Warn) -> Record
 
     Stamps are ordered; of images with one stamp, and of persons with one track id in an image, the
     one with the higher score is kept. Both are counted and reported to `warn`. Where ids repeat in
-    most of the images with several persons, nobody tracks them, and everyone gets an own id.
+    most of the images with several persons, nobody tracks them, and everyone gets an own id, as do
+    persons without one.
 
     Raises
     ------
@@ -152,7 +154,7 @@ def _tracks(topic: str, images: Sequence[PoseImage], warn: Warn) -> tuple[Track,
     if not any(counts):
         return ()
     frames = np.repeat(np.arange(len(images), dtype=np.int64), counts)
-    ids: IntArray = np.concatenate([image.track_ids for image in images])
+    ids = _with_own_ids(np.concatenate([image.track_ids for image in images]))
     scores: Float64Array = np.concatenate([image.scores for image in images])
     ids, order = _by_track(topic, frames, ids, scores, warn)
     keypoints = np.concatenate([image.keypoints for image in images])
@@ -169,6 +171,18 @@ def _tracks(topic: str, images: Sequence[PoseImage], warn: Warn) -> tuple[Track,
         )
         for rows in np.split(order, starts)
     )
+
+
+def _with_own_ids(ids: IntArray) -> IntArray:
+    """Return ids in which every person whom nobody tracks has one that nobody else has.
+
+    Before they are calibrated, such persons are linked by their places.
+    """
+    untracked = ids == NO_TRACK
+    if not untracked.any():
+        return ids
+    free = np.setdiff1d(np.arange(len(ids), dtype=np.int64), ids[~untracked])
+    return np.where(untracked, free[np.cumsum(untracked) - 1], ids)
 
 
 def _by_track(

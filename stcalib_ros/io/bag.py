@@ -50,8 +50,8 @@ def read_bag(
     path : Path or str
         ``.mcap`` or ``.db3`` file, or rosbag2 folder; packed as a whole or message by message, too.
     selection : CameraSelection, optional
-        Which cameras, in which order, and their topics. Default: every topic of type
-        ``stcalib_ros/msg/PersonPose3DArray`` with the ``camera_info`` beside it.
+        Which cameras, in which order, and their topics. Default: every topic of a type that gives
+        poses, see `stcalib_ros.io.message_types.TYPES`, with the CameraInfo in its namespace.
     progress : callable, optional
         Called with a stage and the fraction of it that is done.
     decoder : callable, optional
@@ -137,6 +137,8 @@ class _Contents:
             if count % _PROGRESS_EVERY == 0:
                 progress(STAGE, raw.fraction)
             message = self._decoded(raw)
+            if message is None:
+                continue
             if raw.topic not in self._images:
                 self._take_info(raw, camera_info_fields(message))
             elif stamp_ns(message) == 0:

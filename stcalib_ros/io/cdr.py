@@ -125,6 +125,17 @@ class CdrReader:
         """Take a ``float32``."""
         return self._unpack("f", 4)
 
+    def count(self, least_bytes: int) -> int:
+        """Take the length of an array whose elements have at least so many bytes."""
+        count = self.uint32()
+        if count * least_bytes > self.left:
+            raise ValueError(f"an array of {count} does not fit into the message")
+        return count
+
+    def int32s(self, count: int) -> Float64Array:
+        """Take an ``int32[N]``."""
+        return self._array("i4", 4, count)
+
     def string(self) -> str:
         """Take a ``string``."""
         length = self.uint32()

@@ -43,6 +43,7 @@ class PoseImage:
     metric : bool
         The 3D poses are in metres.
     track_ids : (P,) ndarray of int
+        `NO_TRACK` where nobody tracks.
     scores : (P,) ndarray
         Of the persons, 0 where they were not finite.
     keypoints : (P, J, 2) ndarray of float32
@@ -104,7 +105,8 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
     Parameters
     ----------
     message : object
-        With the fields of ``stcalib_ros/msg/PersonPose3DArray``.
+        With the fields of ``stcalib_ros/msg/PersonPose3DArray``, see
+        `stcalib_ros.io.message_types.Content`.
     topic : str
         For error messages.
 

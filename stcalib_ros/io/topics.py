@@ -17,8 +17,10 @@ from stcalib_ros.io.lens_settings import (
 )
 from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, Content, types_of
 from stcalib_ros.io.messages import CameraInfoFields
+from stcalib_ros.io.topic_names import camera_name, info_topic_of, pose_topic_ranks
 
 _NO_LENS = LensSettings()
+_POSES = ("person poses", "pose_topic")
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +165,8 @@ def select_cameras(
     """Cameras of the topics that there are.
 
     A topic whose type gives poses is a camera; its name is the topic's namespace
-    (``/site/cam0/person_poses``: ``site/cam0``), its intrinsics the ``camera_info`` beside it.
+    (``/site/cam0/person_poses``: ``site/cam0``), its intrinsics the ``camera_info`` beside it, or
+    the CameraInfo in the nearest namespace around it.
 
     Parameters
     ----------
@@ -191,7 +194,7 @@ def select_cameras(
     for name in wanted:
         own = selection.camera.get(name, CameraTopics())
         pose_topic = pose_topics[name]
-        info_topic = own.info_topic or pose_topic.rpartition("/")[0] + "/camera_info"
+        info_topic = own.info_topic or info_topic_of(pose_topic, types_by_topic)
         without = own.lens.image_size is not None or own.lens.info is not None
         if own.info_topic or not without or info_topic in types_by_topic:
             _require_type(types_by_topic, info_topic, Content.INTRINSICS, f"camera {name}")
@@ -225,43 +228,29 @@ def _require_poses_of_settings(
             )
 
 
-def camera_name(pose_topic: str) -> str:
-    """Name of the camera that publishes on a topic: the topic's namespace.
-
-    Examples
-    --------
-    >>> camera_name("/cam0/person_poses")
-    'cam0'
-    """
-    path = pose_topic.strip("/")
-    return path.rpartition("/")[0] or path
-
-
 def _pose_topics(types_by_topic: Mapping[str, str], selection: CameraSelection) -> dict[str, str]:
     """Pose topics by camera name."""
     own = {n: t.pose_topic for n, t in selection.camera.items() if t.pose_topic is not None}
     for name, topic in own.items():
         _require_type(types_by_topic, topic, Content.POSES, f"camera {name}")
-    poses = types_of(Content.POSES)
-    by_convention = [
-        t for t, kind in types_by_topic.items() if kind in poses and t not in own.values()
-    ]
+    ranks = pose_topic_ranks(types_by_topic)
+    by_convention = [topic for topic in ranks if topic not in own.values()]
     if not own and not by_convention:
         raise InputError(
-            f"no topic of type {' or '.join(poses)}; the bag has {_listing(types_by_topic)}; "
+            f"no topic of type {' or '.join(types_of(Content.POSES))}; the bag has "
+            f"{_listing(types_by_topic)}; "
             "record the pose estimator's output, or make a bag with `stcalib convert`"
         )
     by_name = dict(own)
-    for topic in sorted(by_convention):
-        name = camera_name(topic)
+    for topic in sorted(by_convention, key=lambda t: (ranks[t], t)):
+        name = camera_name(topic, types_by_topic[topic])
         if name in own:
             continue
-        if name in by_name:
+        if (other := by_name.setdefault(name, topic)) != topic and ranks[other] == ranks[topic]:
             raise InputError(
-                f"two cameras with one name, {name!r}: {by_name[name]} and {topic}; "
+                f"two cameras with one name, {name!r}: {other} and {topic}; "
                 f"name them with camera.<name>.pose_topic in the configuration"
             )
-        by_name[name] = topic
     return by_name
 
 
@@ -271,23 +260,25 @@ def _require_type(
     wanted, actual = types_of(content), types_by_topic.get(topic)
     if actual in wanted:
         return
-    names = " or ".join(name.rpartition("/")[2] for name in wanted)
+    what, key = ("CameraInfo", "info_topic") if content is Content.INTRINSICS else _POSES
     problem = "there is no such topic" if actual is None else f"its type is {actual}"
     raise InputError(
-        f"{whose}: no {names} on {topic}: {problem}; the bag has "
-        f"{_listing(types_by_topic, content)}"
+        f"{whose}: no {what} on {topic}: {problem}; the bag has "
+        f"{_listing(types_by_topic, content)}; name its topic with camera.<name>.{key} in the "
+        "configuration"
     )
 
 
 def _listing(types_by_topic: Mapping[str, str], content: Content | None = None) -> str:
-    wanted = () if content is None else types_of(content)
-    kinds = " or ".join(wanted)
-    topics = sorted(t for t, k in types_by_topic.items() if content is None or k in wanted)
-    if not topics:
-        return "no topics" if content is None else f"no topic of type {kinds}"
-    if content is not None:
-        return f"{kinds} on {', '.join(topics)}"
-    return ", ".join(f"{t} ({types_by_topic[t]})" for t in topics)
+    """Topics with their types; of those with some content, by type."""
+    if content is None:
+        return ", ".join(f"{t} ({k})" for t, k in sorted(types_by_topic.items())) or "no topics"
+    found = {
+        kind: sorted(topic for topic, other in types_by_topic.items() if other == kind)
+        for kind in types_of(content)
+    }
+    listed = [f"{kind} on {', '.join(topics)}" for kind, topics in found.items() if topics]
+    return "; ".join(listed) or f"no topic of type {' or '.join(found)}"
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
