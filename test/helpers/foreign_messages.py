@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ from bag_helpers import CAMERA_INFO, Message, header, info, write_bag
 from stcalib_ros.core.model.arrays import FloatArray
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.recording import CameraRecording, Recording
+from stcalib_ros.io.bag import read_bag
 
 Persons = list["Seen"]
 MakeMessage = Callable[[CameraRecording, dict[str, Any], Persons], dict[str, Any]]
@@ -23,6 +24,43 @@ class Seen(NamedTuple):
     track_id: int
     keypoints: dict[str, FloatArray]
     joints: dict[str, FloatArray]
+
+
+def assert_read(bag: Path, given: Recording, **expected: Any) -> Recording:
+    """Read a bag; poses are those that were given, joint by joint, and unknown elsewhere.
+
+    Parameters
+    ----------
+    bag : Path
+    given : Recording
+    expected : object
+        Attributes that all cameras have, ``joint_names``, and which of them are ``sent``, if not
+        all.
+    """
+    names = expected.pop("joint_names")
+    sent = expected.pop("sent", names)
+    found = read_bag(bag)
+    for before, after in zip(given.cameras, found.cameras, strict=True):
+        assert (after.name, after.frame_id) == (before.name, before.frame_id)
+        assert after.layout.joint_names == tuple(names)
+        assert {name: getattr(after, name) for name in expected} == expected
+        np.testing.assert_allclose(after.stamps, before.stamps, atol=1e-9)
+        assert [t.track_id for t in after.tracks] == [t.track_id for t in before.tracks]
+        for a, b in zip(before.tracks, after.tracks, strict=True):
+            np.testing.assert_array_equal(b.frames, a.frames)
+            joints = a.joints if after.has_3d_poses else np.full_like(a.joints, np.nan)
+            for column, name in enumerate(names):
+                if name not in sent or name not in before.layout.joint_names:
+                    assert np.isnan(b.keypoints[:, column]).all()
+                    assert np.isnan(b.joints[:, column]).all()
+                    continue
+                own = before.layout.index(name)
+                seen = np.isfinite(a.keypoints[:, own]).all(-1, keepdims=True)
+                np.testing.assert_array_equal(b.keypoints[:, column], a.keypoints[:, own])
+                np.testing.assert_allclose(
+                    b.joints[:, column], np.where(seen, joints[:, own], np.nan), atol=1e-6
+                )
+    return found
 
 
 def images_of(camera: CameraRecording) -> Iterator[Persons]:
@@ -122,3 +160,69 @@ def detection(track: str, keypoints: dict[str, FloatArray], **changes: Any) -> d
         },
         "keypoints3d": {"data": [], "frame_id": "base_link"},
     } | changes
+
+
+def zed(form: int, **changes: Any) -> MakeMessage:
+    """A ``zed_msgs/ObjectsStamped`` of bodies of a format, by its number."""
+
+    def make(camera: CameraRecording, stamped: dict[str, Any], persons: Persons) -> dict[str, Any]:
+        frame = camera.frame_id.removesuffix("_optical")
+        bodies = [zed_body(p, ZED_FORMATS[form], form) | changes for p in persons]
+        return {"header": stamped | {"frame_id": frame}, "objects": bodies}
+
+    return make
+
+
+ZED_FORMATS = (
+    LAYOUTS["coco_18"].joint_names,
+    (
+        *("pelvis", "navel", "chest", "neck", "left_collar", "left_shoulder", "left_elbow"),
+        *(
+            "left_wrist",
+            "left_hand",
+            "left_hand_tip",
+            "left_thumb",
+            "right_collar",
+            "right_shoulder",
+        ),
+        *("right_elbow", "right_wrist", "right_hand", "right_hand_tip", "right_thumb", "left_hip"),
+        *("left_knee", "left_ankle", "left_foot", "right_hip", "right_knee", "right_ankle"),
+        *("right_foot", "head", "nose", "left_eye", "left_ear", "right_eye", "right_ear"),
+        *("left_heel", "right_heel"),
+    ),
+    LAYOUTS["body_38"].joint_names,
+)
+
+
+def zed_body(seen: Seen, order: Sequence[str], body_format: int) -> dict[str, Any]:
+    """Joints that were not observed are NaN, as in the SDK; unused slots are 0."""
+    pixels, points = np.zeros((70, 2)), np.zeros((70, 3))
+    pixels[: len(order)], points[: len(order)] = np.nan, np.nan
+    for slot, name in enumerate(order):
+        if name in seen.keypoints:
+            pixels[slot] = seen.keypoints[name]
+            x, y, z = seen.joints[name]
+            points[slot] = z, -x, -y
+    corners3, corners2 = {"corners": [{"kp": [0.0] * 3}] * 8}, {"corners": [{"kp": [0.0] * 2}] * 4}
+    return {
+        "label": f"Body_{seen.track_id}",
+        "label_id": seen.track_id,
+        "sublabel": "",
+        "confidence": 49.5,
+        "position": [0.0] * 3,
+        "position_covariance": [0.0] * 6,
+        "velocity": [0.0] * 3,
+        "tracking_available": True,
+        "tracking_state": 1,
+        "action_state": 0,
+        "bounding_box_2d": {"corners": [{"kp": [0, 0]}] * 4},
+        "bounding_box_3d": corners3,
+        "dimensions_3d": [0.0] * 3,
+        "skeleton_available": True,
+        "body_format": body_format,
+        "head_bounding_box_2d": corners2,
+        "head_bounding_box_3d": corners3,
+        "head_position": [0.0] * 3,
+        "skeleton_2d": {"keypoints": [{"kp": row} for row in pixels.tolist()]},
+        "skeleton_3d": {"keypoints": [{"kp": row} for row in points.tolist()]},
+    }

@@ -14,6 +14,7 @@ from stcalib_ros.io.message_types.message_type import Content, MessageType
 from stcalib_ros.io.message_types.person_poses import PERSON_POSES
 from stcalib_ros.io.message_types.pose_content import NO_TRACK
 from stcalib_ros.io.message_types.yolo_detections import YOLO_DETECTIONS, YOLOV8_DETECTIONS
+from stcalib_ros.io.message_types.zed_bodies import ZED_BODIES, ZED_INTERFACES_BODIES
 
 __all__ = [
     "CAMERA_INFO",
@@ -27,9 +28,16 @@ __all__ = [
     "types_of",
 ]
 
-TYPES = {
-    known.name: known for known in (PERSON_POSES, YOLO_DETECTIONS, YOLOV8_DETECTIONS, CAMERA_INFO)
-}
+_KNOWN = (
+    PERSON_POSES,
+    YOLO_DETECTIONS,
+    YOLOV8_DETECTIONS,
+    ZED_BODIES,
+    ZED_INTERFACES_BODIES,
+    CAMERA_INFO,
+)
+
+TYPES = {known.name: known for known in _KNOWN}
 """Message types by name; of those that give the poses of one camera, the first serves."""
 
 
