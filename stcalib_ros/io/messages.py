@@ -52,6 +52,9 @@ class PoseImage:
         NaN where not observed; None: nobody has a 3D pose.
     joint_scores : (P, J) ndarray of float32
         0 where they were not finite.
+    project : bool
+        Keypoints are still to be projected from `joints`, see
+        `stcalib_ros.io.projection.with_projections`.
     n_infinite : int
         Infinite values that were taken as not observed.
     received_ns : int or None
@@ -69,6 +72,7 @@ class PoseImage:
     keypoints: Float32Array
     joints: Float32Array | None
     joint_scores: Float32Array
+    project: bool = False
     n_infinite: int = 0
     received_ns: int | None = None
 
@@ -140,6 +144,7 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
         keypoints=_detected(keypoints),
         joints=None if joints is None else _observed(joints),
         joint_scores=np.where(np.isfinite(scores), scores, np.float32(0.0)),
+        project=getattr(message, "project", False),
         n_infinite=sum(
             int((np.abs(a) > MAX_COORDINATE).sum()) for a in (keypoints, joints) if a is not None
         ),

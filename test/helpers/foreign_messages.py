@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from bag_helpers import CAMERA_INFO, Message, header, info, write_bag
 
+from stcalib_ros.core.geometry.lens import project
 from stcalib_ros.core.model.arrays import FloatArray
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.recording import CameraRecording, Recording
@@ -16,6 +18,21 @@ from stcalib_ros.io.bag import read_bag
 
 Persons = list["Seen"]
 MakeMessage = Callable[[CameraRecording, dict[str, Any], Persons], dict[str, Any]]
+
+
+ZED_BODY_34 = (
+    *("pelvis", "navel", "chest", "neck"),
+    *("left_collar", "left_shoulder", "left_elbow", "left_wrist"),
+    *("left_hand", "left_hand_tip", "left_thumb"),
+    *("right_collar", "right_shoulder", "right_elbow", "right_wrist"),
+    *("right_hand", "right_hand_tip", "right_thumb"),
+    *("left_hip", "left_knee", "left_ankle", "left_foot"),
+    *("right_hip", "right_knee", "right_ankle", "right_foot"),
+    *("head", "nose", "left_eye", "left_ear", "right_eye", "right_ear"),
+    *("left_heel", "right_heel"),
+)
+ZED_FORMATS = (LAYOUTS["coco_18"].joint_names, ZED_BODY_34, LAYOUTS["body_38"].joint_names)
+KINECT = ZED_BODY_34[:-2]
 
 
 class Seen(NamedTuple):
@@ -34,9 +51,10 @@ def assert_read(bag: Path, given: Recording, **expected: Any) -> Recording:
     bag : Path
     given : Recording
     expected : object
-        Attributes that all cameras have, ``joint_names``, and which of them are ``sent``, if not
-        all.
+        Attributes that all cameras have, ``joint_names``, which of them are ``sent``, if not all,
+        and whether keypoints are ``exact``: not projected from joints in float32.
     """
+    exact = expected.pop("exact", True)
     names = expected.pop("joint_names")
     sent = expected.pop("sent", names)
     found = read_bag(bag)
@@ -56,7 +74,9 @@ def assert_read(bag: Path, given: Recording, **expected: Any) -> Recording:
                     continue
                 own = before.layout.index(name)
                 seen = np.isfinite(a.keypoints[:, own]).all(-1, keepdims=True)
-                np.testing.assert_array_equal(b.keypoints[:, column], a.keypoints[:, own])
+                np.testing.assert_allclose(
+                    b.keypoints[:, column], a.keypoints[:, own], atol=1e-9 if exact else 1e-3
+                )
                 np.testing.assert_allclose(
                     b.joints[:, column], np.where(seen, joints[:, own], np.nan), atol=1e-6
                 )
@@ -173,25 +193,56 @@ def zed(form: int, **changes: Any) -> MakeMessage:
     return make
 
 
-ZED_FORMATS = (
-    LAYOUTS["coco_18"].joint_names,
-    (
-        *("pelvis", "navel", "chest", "neck", "left_collar", "left_shoulder", "left_elbow"),
-        *(
-            "left_wrist",
-            "left_hand",
-            "left_hand_tip",
-            "left_thumb",
-            "right_collar",
-            "right_shoulder",
-        ),
-        *("right_elbow", "right_wrist", "right_hand", "right_hand_tip", "right_thumb", "left_hip"),
-        *("left_knee", "left_ankle", "left_foot", "right_hip", "right_knee", "right_ankle"),
-        *("right_foot", "head", "nose", "left_eye", "left_ear", "right_eye", "right_ear"),
-        *("left_heel", "right_heel"),
-    ),
-    LAYOUTS["body_38"].joint_names,
-)
+def kinect(camera: CameraRecording, stamped: dict[str, Any], persons: Persons) -> dict[str, Any]:
+    """A ``visualization_msgs/MarkerArray`` of an Azure Kinect."""
+    return {
+        "markers": [
+            joint_marker(stamped, 100 * seen.track_id + KINECT.index(name), point)
+            for seen in persons
+            for name, point in seen.joints.items()
+            if name in KINECT
+        ]
+    }
+
+
+def seen_in_depth(recording: Recording) -> Recording:
+    """The recording with joints at places before the camera, and keypoints where they are seen."""
+    cameras = []
+    for camera in recording.cameras:
+        lens, tracks = camera.intrinsics, []
+        for track in camera.tracks:
+            joints = track.joints + np.array([0.0, 0.0, 8.0])
+            tracks.append(replace(track, joints=joints, keypoints=project(joints, lens)))
+        cameras.append(replace(camera, tracks=tuple(tracks)))
+    return replace(recording, cameras=tuple(cameras))
+
+
+def joint_marker(stamped: dict[str, Any], number: int, point: FloatArray) -> dict[str, Any]:
+    xyz, color = dict.fromkeys("xyz", 0.0), dict.fromkeys("rgba", 1.0)
+    return {
+        "header": stamped,
+        "ns": "",
+        "id": number,
+        "type": 2,
+        "action": 0,
+        "pose": {
+            "position": dict(zip("xyz", map(float, point), strict=True)),
+            "orientation": xyz | {"w": 1.0},
+        },
+        "scale": xyz,
+        "color": color,
+        "lifetime": {"sec": 0, "nanosec": 250_000_000},
+        "frame_locked": False,
+        "points": [],
+        "colors": [],
+        "texture_resource": "",
+        "texture": {"header": stamped, "format": "", "data": []},
+        "uv_coordinates": [],
+        "text": "",
+        "mesh_resource": "",
+        "mesh_file": {"filename": "", "data": []},
+        "mesh_use_embedded_materials": False,
+    }
 
 
 def zed_body(seen: Seen, order: Sequence[str], body_format: int) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 from stcalib_ros.io.cdr import CdrReader
 from stcalib_ros.io.limits import MAX_PADDING_BYTES
+from stcalib_ros.io.message_types.body_markers import BODY_MARKERS
 from stcalib_ros.io.message_types.camera_info import CAMERA_INFO
 from stcalib_ros.io.message_types.message_type import Content, MessageType
 from stcalib_ros.io.message_types.person_poses import PERSON_POSES
@@ -34,6 +35,7 @@ _KNOWN = (
     YOLOV8_DETECTIONS,
     ZED_BODIES,
     ZED_INTERFACES_BODIES,
+    BODY_MARKERS,
     CAMERA_INFO,
 )
 

@@ -18,8 +18,8 @@ class Content(Enum):
     Attributes
     ----------
     POSES
-        The fields of ``stcalib_ros/PersonPose3DArray``; ``track_id`` is
-        `stcalib_ros.io.message_types.pose_content.NO_TRACK` where nobody tracks.
+        The fields of ``stcalib_ros/PersonPose3DArray``; those of others have more, see
+        `stcalib_ros.io.message_types.pose_content`.
     INTRINSICS
         Those of ``sensor_msgs/CameraInfo``.
     """

@@ -62,13 +62,24 @@ def poses(
     joint_names: Sequence[str] = (),
     rectified: bool = False,
     metric: bool = False,
+    project: bool = False,
 ) -> SimpleNamespace:
-    """Fields of a ``PersonPose3DArray``."""
+    """Fields of a ``PersonPose3DArray``, and what to do with them.
+
+    Parameters
+    ----------
+    header, persons, layout, joint_names, rectified, metric : object
+        As in that message; ids are `NO_TRACK` where nobody tracks.
+    project : bool
+        Keypoints are where the lens projects the joints, which are where they are in the frame of
+        the camera.
+    """
     return SimpleNamespace(
         header=header,
         layout=layout,
         joint_names=joint_names,
         rectified=rectified,
         metric=metric,
+        project=project,
         persons=persons,
     )

@@ -7,7 +7,7 @@ import struct
 import numpy as np
 import pytest
 from bag_helpers import small_recording, write_raw
-from foreign_messages import write_foreign, yolo, zed
+from foreign_messages import kinect, write_foreign, yolo, zed
 
 from stcalib_ros.io.bag import open_bag, read_bag
 from stcalib_ros.io.bag_source import raw_messages, topic_schemas
@@ -18,6 +18,7 @@ MAKERS = {
     "yolov8_msgs/msg/DetectionArray": ("/{}/yolo/tracking", yolo),
     "zed_msgs/msg/ObjectsStamped": ("/{}/zed_node/body_trk/skeletons", zed(2)),
     "zed_interfaces/msg/ObjectsStamped": ("/{}/zed_node/body_trk/skeletons", zed(0)),
+    "visualization_msgs/msg/MarkerArray": ("/{}/body_tracking_data", kinect),
 }
 KINDS = pytest.mark.parametrize("kind", MAKERS)
 

@@ -1,0 +1,39 @@
+"""Keypoints of messages that have none, where the place of every joint in the camera is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.lens import project
+from stcalib_ros.core.model.recording import Intrinsics
+from stcalib_ros.io.messages import PoseImage
+
+
+def with_projections(image: PoseImage, lens: Intrinsics, info_topic: str) -> PoseImage:
+    """Return an image with keypoints where a lens projects its joints, if it takes any.
+
+    Parameters
+    ----------
+    image : PoseImage
+    lens : Intrinsics
+        Of the camera whose frame the joints are in.
+    info_topic : str
+        For error messages.
+
+    Raises
+    ------
+    InputError
+        The lens is not known.
+    """
+    if not image.project or image.joints is None:
+        return image
+    if not lens.known:
+        raise InputError(
+            f"{info_topic}: the poses have no keypoints, only joints of that camera, and without "
+            "its lens these have no place in the image; calibrate the CameraInfo of that camera"
+        )
+    pixels = project(image.joints.astype(np.float64), lens)
+    return replace(image, keypoints=pixels.astype(np.float32), project=False)
