@@ -6,12 +6,17 @@ import struct
 
 import numpy as np
 import pytest
-from bag_helpers import small_recording, write_raw
+from bag_helpers import assert_same, small_recording, write_raw
 from foreign_messages import kinect, write_foreign, yolo, zed
 
+from stcalib_ros.io.assemble import assemble_recording
 from stcalib_ros.io.bag import open_bag, read_bag
 from stcalib_ros.io.bag_source import raw_messages, topic_schemas
 from stcalib_ros.io.message_types import TYPES, Content, decode, decode_whole
+from stcalib_ros.ros.buffers import Buffers
+from stcalib_ros.ros.intake import Intake
+from stcalib_ros.ros.load import Meter
+from stcalib_ros.ros.streams import Limits
 
 MAKERS = {
     "yolo_msgs/msg/DetectionArray": ("/{}/yolo/tracking", yolo),
@@ -77,6 +82,21 @@ def test_changed_bytes_give_no_other_error(bag_of, kind):
             decode(kind, bytes(data))
         except (ValueError, struct.error):
             continue
+
+
+@KINDS
+def test_it_is_received_live_as_it_is_read(bag_of, kind):
+    bag = bag_of(kind)
+    files, cameras = open_bag(bag)
+    buffers = Buffers(cameras, Limits(), lambda _about, line: pytest.fail(line))
+    intake = Intake(cameras, buffers, Meter())
+    takes = {cameras[0].info_topic: intake.info_of(cameras[0])}
+    takes[cameras[0].pose_topic] = intake.poses_of(cameras[0])
+    for number, raw in enumerate(raw_messages(files, frozenset(takes))):
+        about = {"publication_sequence_number": number, "received_timestamp": raw.log_time}
+        takes[raw.topic](raw.data, about)
+    assert np.isfinite(buffers.snapshot()[0].images[0].keypoints).any()
+    assert_same(assemble_recording(buffers.snapshot(), warn=pytest.fail), read_bag(bag))
 
 
 @KINDS
