@@ -125,7 +125,8 @@ def gather(kinds: Sequence[tuple[Scenario, int]], *, jobs: int = 1) -> Table:
 
 def write_table(path: Path, table: Table) -> None:
     """Write a table as JSON; numbers that JSON does not have as text."""
-    names = [field.name for field in fields(CameraChecks) if field.name != "inconsistencies"]
+    said = ("inconsistencies", "remarks")
+    names = [field.name for field in fields(CameraChecks) if field.name not in said]
     rows = [
         asdict(row)
         | {"errors": {name: _short(value) for name, value in row.errors.items()}}

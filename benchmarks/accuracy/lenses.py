@@ -56,8 +56,8 @@ class LensRange:
         Ranges of the coefficients, uniform, the same for all cameras.
     model : LensModel
     principal_point : float
-        Standard deviation of its place about the middle, per axis, as a fraction of the width; the
-        same for all cameras.
+        Standard deviation of its place about the middle, per axis, as a fraction of the width; one
+        for each camera.
     """
 
     focal_px: tuple[float, float] = (
@@ -73,13 +73,12 @@ class LensRange:
         rng = np.random.default_rng([options.seed, _RNG])
         focal = rng.uniform(*self.focal_px, options.n_cameras)
         distortion = [rng.uniform(low, high) for low, high in self.distortion]
-        off = self.principal_point * options.image_size[0] * rng.standard_normal(2)
         return replace(
             options,
             focal_px=tuple(map(float, focal)),
             distortion=tuple(map(float, distortion)),
             lens_model=self.model.value,
-            principal_point_px=(float(off[0]), float(off[1])),
+            principal_point_px=self.principal_point * options.image_size[0],
         )
 
 
@@ -165,7 +164,7 @@ LENS_SCENARIOS = (
         LensRange(_FISHEYE_PX, ((-0.03, 0.03),), LensModel.EQUIDISTANT),
     ),
     LensScenario(
-        _scenario("default, real", "k1 within +-0.1, principal points off by 1 %", {}),
+        _scenario("default, real", "k1 within +-0.1, principal points off by 0.5 %", {}),
         LensRange(distortion=((-0.1, 0.1),), principal_point=LensOptions().principal_point_stddev),
     ),
     LensScenario(_scenario("one", "one person", {})),

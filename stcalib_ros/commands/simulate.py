@@ -34,7 +34,7 @@ _HELP = {
     "focal_px": "focal length: one, or one per camera",
     "lens_model": "model of the lenses",
     "distortion": "coefficients of that model in OpenCV's order",
-    "principal_point_px": "principal point, from the middle of the image",
+    "principal_point_px": "standard deviation of principal points about the middle of the image",
     "ring_radius_m": "range of the distances of cameras from the middle",
     "ring_height_m": "range of the heights of cameras",
     "rig": "JSON file of given cameras (name, image_size, K, dist, R, t) instead of a ring",

@@ -130,10 +130,15 @@ _SENTENCES = {
         "are those of the raw or of the rectified image (rectified), or set intrinsics to refine"
     ),
     _R.LENS_UNDETERMINED: (
-        "its focal length is not determined by the people that it sees: it is known to "
-        "{measured:.0%}, {limit:.0%} are needed; let people come near and walk from side to side, "
-        "let cameras look down or see people from several sides, say which cameras have one lens "
-        "(lens_group), or give the field of view of its data sheet (field_of_view_deg)"
+        "people determine its focal length to {measured:.1%}, {limit:.1%} are needed: let them "
+        "come near and walk from side to side, say which cameras have one lens (lens_group), or "
+        "give the field of view of its data sheet (field_of_view_deg)"
+    ),
+    _R.LENS_NEEDS_PARALLAX: (
+        "its focal length cannot be told from people's distance, since the cameras see them from "
+        "nearly one direction: positions are {measured:.0f} times as uncertain along the view as "
+        "across it, {limit:.1f} are the limit where lenses are unknown; move a camera aside, or "
+        "give the field of view of its data sheet (field_of_view_deg)"
     ),
     _R.LENS_IMPLAUSIBLE: (
         "its focal length came out as {focal_px:.0f} px, a view of {measured:.0f} degrees where "

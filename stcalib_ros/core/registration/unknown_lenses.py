@@ -131,6 +131,8 @@ def _unknowns(
     start: list[float] = []
     # Of the priors of each unknown, the precision, and the mean times the precision.
     precision, moment = [], []
+    # Rotations around three cameras and more tell focal lengths ten times as well as people do.
+    by_people = len(cameras) <= 2
     for c in cameras.tolist():
         camera = lifted[c]
         for kind, first, stddev in _coefficients(camera, options):
@@ -140,7 +142,8 @@ def _unknowns(
                 start.append(first)
                 precision.append(stddev**-2)
                 moment.append(0.0)
-            upright = focal_length_prior(camera, skeleton) if kind == LOG_FOCAL else None
+            asked = by_people and kind == LOG_FOCAL
+            upright = focal_length_prior(camera, skeleton) if asked else None
             if upright is not None:
                 precision[column[c, kind]] += upright.stddev**-2
                 moment[column[c, kind]] += upright.log_ratio * upright.stddev**-2

@@ -39,8 +39,9 @@ class SceneOptions:
         Model of the lenses of a ring, by its name in CameraInfo.
     distortion : tuple of float
         Coefficients of that model in OpenCV's order; those that are missing are 0.
-    principal_point_px : (float, float)
-        Where the axes of the lenses of a ring meet their images, from the middle.
+    principal_point_px : float
+        Standard deviation of the principal points about the middle of the image, per axis; each
+        camera has its own.
     ring_radius_m, ring_height_m : (float, float)
         Ranges of the distances of cameras from the middle, and of their heights.
     rig : SceneRig or None
@@ -101,7 +102,7 @@ class SceneOptions:
     focal_px: float | tuple[float, ...] = 1400.0
     lens_model: str = LensModel.PLUMB_BOB.value
     distortion: tuple[float, ...] = ()
-    principal_point_px: tuple[float, float] = (0.0, 0.0)
+    principal_point_px: float = 0.0
     ring_radius_m: tuple[float, float] = (3.5, 5.0)
     ring_height_m: tuple[float, float] = (1.5, 2.8)
     rig: SceneRig | None = None
@@ -205,6 +206,7 @@ _RANGES = {
     "n_people": _Range(1, 1000),
     "n_frames": _Range(2, 10_000_000),
     "area_radius_m": _Range(0.01, 1000.0),
+    "principal_point_px": _Range(0.0, 1e5),
     "rig_scale": _Range(1e-3, 1000.0),
     "max_offset_frames": _Range(0.0, 1e6),
     "skew_ppm": _Range(0.0, 1e5),
@@ -225,7 +227,6 @@ _RANGES_OF_TWO = {
     "ring_height_m": _Range(0.0, 1000.0),
     "lifter_mm": _Range(0.0, 1e4),
     "image_size": _Range(16, 100_000),
-    "principal_point_px": _Range(-1e5, 1e5),
 }
 """The same of what has two values."""
 

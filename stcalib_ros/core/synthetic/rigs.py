@@ -68,7 +68,7 @@ def ring_rig(
     height_m: tuple[float, float],
     model: LensModel = LensModel.PLUMB_BOB,
     distortion: tuple[float, ...] = (),
-    principal_point_px: tuple[float, float] = (0.0, 0.0),
+    principal_point_px: float = 0.0,
 ) -> SceneRig:
     """Place cameras around the origin that look at its surroundings; z is up, the floor at 0."""
     even = np.arange(n_cameras) / n_cameras
@@ -78,11 +78,13 @@ def ring_rig(
     target = np.array([0.0, 0.0, _HIP_HEIGHT]) + 0.15 * rng.standard_normal((n_cameras, 3))
     R = np.stack([_looking(a, b) for a, b in zip(centre, target, strict=True)])
     D = np.pad(distortion, (0, DISTORTION_TERMS[model] - len(distortion)))
-    at = 0.5 * np.array(image_size) + principal_point_px
+    at = 0.5 * np.array(image_size) + np.zeros((n_cameras, 2))
+    if principal_point_px:
+        at += principal_point_px * rng.standard_normal((n_cameras, 2))
     focal = np.broadcast_to(focal_px, n_cameras)
     return SceneRig(
         tuple(f"cam{c}" for c in range(n_cameras)),
-        tuple(_lens(image_size, float(f), at, model, D) for f in focal),
+        tuple(_lens(image_size, float(f), c, model, D) for f, c in zip(focal, at, strict=True)),
         R,
         -np.einsum("cab,cb->ca", R, centre),
     )

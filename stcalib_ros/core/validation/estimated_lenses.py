@@ -8,6 +8,7 @@ import numpy as np
 
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.lenses import FOCAL, focal_length
+from stcalib_ros.core.bundle.motion_filter import depth_variance_ratio
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensPrior
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
@@ -18,6 +19,12 @@ _MAX_FOCAL_STDDEV = 0.01
 keypoints of estimators, whose errors are no noise: focal lengths of "balance two" (0.003 to 0.009)
 are off by 4 % at most, those of "demo" (0.015) by 9 %, of "balance one" (0.010 to 0.025) by 12 to
 25 %; default scenes of benchmarks.accuracy.level have 0.002 to 0.005."""
+_MAX_DEPTH_RATIO = 30.0
+"""Ratio of the variances of joints along and across the rays. With more, cameras see people from
+nearly one direction: a longer lens and people further away look the same, and noise decides.
+Measured: 2 to 5 of three cameras and more, 3 to 18 of two that stand apart, 3 to 5 on real
+recordings; 50 and more of cameras 60 cm apart, side by side or one over the other, which are off by
+up to 37 % in their focal lengths, many times their standard deviations."""
 _FAR = 3.0
 """Standard deviations of what was known before. A focal length that is further away was given
 wrongly, or is estimated wrongly. Chosen: the usual ones."""
@@ -43,13 +50,23 @@ def estimated_lens_faults(
     members = [cameras[c] for c in last.rig.cameras]
     stddevs = last.lens_stddev
     focal_stddev = [0.0] * len(members) if stddevs is None else stddevs[FOCAL].tolist()
+    depth_ratio = _depth_ratio(last)
     return tuple(
-        next(_faults(camera, stddev), None)
+        next(_faults(camera, stddev, depth_ratio), None)
         for camera, stddev in zip(members, focal_stddev, strict=True)
     )
 
 
-def _faults(camera: LiftedCamera, stddev: float) -> Iterator[Rejection | Remark]:
+def _depth_ratio(last: Iteration) -> float:
+    """Ratio of variances along and across the rays, where lenses are estimated."""
+    if last.lens_stddev is None:
+        return 1.0
+    return depth_variance_ratio(last.observations, last.state)
+
+
+def _faults(
+    camera: LiftedCamera, stddev: float, depth_ratio: float
+) -> Iterator[Rejection | Remark]:
     """Yield what is wrong with an estimated lens, the worst first."""
     lens, prior = camera.intrinsics, camera.lens_prior
     if prior is None and camera.lens_knowledge is LensKnowledge.REFINE:
@@ -57,6 +74,9 @@ def _faults(camera: LiftedCamera, stddev: float) -> Iterator[Rejection | Remark]
     if lens is None or prior is None:
         return
     is_unknown = np.isinf(prior.focal_stddev)
+    if is_unknown and depth_ratio > _MAX_DEPTH_RATIO:
+        reason = RejectionReason.LENS_NEEDS_PARALLAX
+        yield Rejection(reason, (), float(np.sqrt(depth_ratio)), float(np.sqrt(_MAX_DEPTH_RATIO)))
     if is_unknown and not stddev < _MAX_FOCAL_STDDEV:
         yield Rejection(RejectionReason.LENS_UNDETERMINED, (), stddev, _MAX_FOCAL_STDDEV)
     view_deg, (least, most) = _view_deg(lens)
@@ -96,11 +116,12 @@ def undetermined_lenses(cameras: Sequence[LiftedCamera], last: Iteration) -> lis
     """
     if last.lens_stddev is None:
         return []
+    lacks_parallax = _depth_ratio(last) > _MAX_DEPTH_RATIO
     pairs = zip(last.rig.cameras.tolist(), last.lens_stddev[FOCAL].tolist(), strict=True)
     return [
         c
         for c, stddev in pairs
         if (prior := cameras[c].lens_prior) is not None
         and np.isfinite(prior.focal_stddev)
-        and not stddev < _MAX_FOCAL_STDDEV
+        and (lacks_parallax or not stddev < _MAX_FOCAL_STDDEV)
     ]

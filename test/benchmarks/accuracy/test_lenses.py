@@ -76,7 +76,7 @@ def test_lenses_are_drawn_by_the_seed_one_for_each_camera():
     assert all(900.0 <= focal <= 1100.0 for focal in (*one.focal_px, *other.focal_px))
     assert other.focal_px != one.focal_px
     assert -0.1 <= one.distortion[0] <= -0.05
-    assert 0.0 < np.abs(one.principal_point_px).max() < 0.05 * 1920
+    assert one.principal_point_px == 0.01 * 1920
     truth = simulate(replace(one, n_frames=5)).truth
     assert [c.intrinsics.model for c in truth.cameras] == [LensModel.EQUIDISTANT] * 4
 

@@ -86,8 +86,12 @@ REJECTIONS = (
         "a quarter or by half, .* at .540, 960., .* says .960, 540.",
     ),
     (
-        Rejection(R.LENS_UNDETERMINED, (), 0.12, 0.05),
-        "not determined .* to 12%, 5% are needed; let people come near",
+        Rejection(R.LENS_UNDETERMINED, (), 0.016, 0.01),
+        "determine its focal length to 1.6%, 1.0% are needed: let them come near",
+    ),
+    (
+        Rejection(R.LENS_NEEDS_PARALLAX, (), 12.0, 5.5),
+        "12 times as uncertain .*, 5.5 are the limit .*; move a camera aside, or",
     ),
     (
         Rejection(R.LENS_IMPLAUSIBLE, (), 151.0, 145.0, values={"focal_px": 248.0}),

@@ -284,15 +284,21 @@ def test_nothing_is_seen_beyond_the_image_or_where_the_lens_model_folds():
     assert seen.tolist() == [True, False, False, True, False]
 
 
+def test_every_camera_has_a_principal_point_of_its_own():
+    options = replace(EXACT, n_cameras=200, n_frames=2, n_people=1, principal_point_px=8.0)
+    centres = np.array([c.intrinsics.K[:2, 2] for c in simulate(options).truth.cameras])
+    np.testing.assert_allclose(centres.mean(0), [960, 540], atol=2.0)
+    np.testing.assert_allclose(centres.std(0), 8.0, rtol=0.2)
+
+
 def test_every_camera_can_have_a_focal_length_of_its_own_behind_the_same_model():
     lens = {"lens_model": "equidistant", "distortion": (0.02, -0.01)}
-    lens["principal_point_px"] = (12.0, -7.0)
     options = replace(EXACT, focal_px=(700.0, 900.0, 800.0, 1000.0), **lens)
     scene = simulate(options)
     for c, (camera, focal) in enumerate(zip(scene.truth.cameras, options.focal_px, strict=True)):
         own = camera.intrinsics
         assert (own.model, own.K[0, 0], own.K[1, 1]) == (LensModel.EQUIDISTANT, focal, focal)
-        assert own.K[:2, 2].tolist() == [960 + 12, 540 - 7]
+        assert own.K[:2, 2].tolist() == [960, 540]
         assert own.D.tolist() == [0.02, -0.01, 0.0, 0.0]
         stamps = scene.recording.cameras[c].stamps
         X = points_cam(scene, c, stamps + camera.time_offset_s).reshape(-1, 3)

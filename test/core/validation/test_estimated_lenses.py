@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensPrior
-from stcalib_ros.core.model.recording import LensModel
+from stcalib_ros.core.model.recording import LensModel, keypoints_only
 from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
+from stcalib_ros.core.options import Options
+from stcalib_ros.core.pipeline import calibrate
+from stcalib_ros.core.synthetic import SceneOptions, simulate
+from stcalib_ros.core.validation import estimated_lenses
 from stcalib_ros.core.validation.estimated_lenses import (
     estimated_lens_faults,
     undetermined_lenses,
@@ -69,6 +73,19 @@ def test_a_guess_that_nothing_refines_is_held(small_stages):
     assert found[1:] == (None, None)
 
 
+def test_lenses_say_nothing_where_cameras_see_people_from_one_direction(
+    said, small_stages, monkeypatch
+):
+    monkeypatch.setattr(estimated_lenses, "depth_variance_ratio", lambda *_: 144.0)
+    found = said(UNKNOWN)
+    assert found.reason is RejectionReason.LENS_NEEDS_PARALLAX
+    assert found.measured == 12.0
+    assert said(GUESSED) is None
+    lifted = [replace(camera, lens_prior=GUESSED) for camera in small_stages.lifted]
+    last = replace(small_stages.iterations[-1], lens_stddev=np.full((5, 3), 0.001))
+    assert undetermined_lenses(lifted, last) == [0, 1, 2]
+
+
 @pytest.mark.parametrize(("focal_px", "limit"), [(300.0, 145.0), (6000.0, 20.0)])
 @pytest.mark.parametrize("prior", [UNKNOWN, GUESSED])
 def test_a_view_that_no_lens_has_is_refused(said, prior, focal_px, limit):
@@ -94,3 +111,16 @@ def test_nothing_is_said_of_given_lenses(small_stages):
     assert estimated_lens_faults(small_stages.lifted, last) == (None, None, None)
     found = inconsistencies(small_stages.lifted, small_stages.skeleton, last)
     assert [one.rejections for one in found] == [(), (), ()]
+
+
+def test_guesses_for_two_cameras_are_held_and_nothing_gets_worse():
+    scene = simulate(SceneOptions(n_cameras=2, n_people=2, n_frames=120, seed=3))
+    recording = keypoints_only(scene.recording)
+    options = Options(offset_range_s=0.5, intrinsics="refine")
+    found = calibrate(recording, options)
+    held = [one.cameras for one in found.remarks if one.code is RemarkCode.LENS_HELD]
+    assert held == [("cam0",), ("cam1",)]
+    given = calibrate(recording, replace(options, intrinsics="given"))
+    for one, other in zip(found.cameras, given.cameras, strict=True):
+        assert np.array_equal(one.intrinsics.K, other.intrinsics.K)
+        assert one.R_ref_cam == pytest.approx(other.R_ref_cam, abs=2e-3)
