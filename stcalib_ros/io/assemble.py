@@ -11,6 +11,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.recording import CameraRecording, Recording, Track, unknown_joints
+from stcalib_ros.io.keypoint_pixels import with_pixels
 from stcalib_ros.io.lens_settings import LensSettings, lens_of_settings
 from stcalib_ros.io.limits import MAX_REPEATED_IDS
 from stcalib_ros.io.message_types import NO_TRACK
@@ -23,7 +24,6 @@ from stcalib_ros.io.messages import (
     lens,
 )
 from stcalib_ros.io.plausible import require_name
-from stcalib_ros.io.projection import with_projections
 
 Warn = Callable[[str], None]
 
@@ -88,7 +88,7 @@ def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
     if n_infinite := sum(image.n_infinite for image in images):
         warn(f"{camera.pose_topic}: {n_infinite} infinite values taken as not observed")
     given = lens(camera.info, rectified=first.rectified, topic=camera.info_topic)
-    images = [with_projections(image, given, camera.info_topic) for image in images]
+    images = [with_pixels(image, given, camera.info_topic) for image in images]
     start, knowledge = lens_of_settings(given, camera.settings, warn, f"camera {camera.name}")
     stamps_ns = np.array([image.stamp_ns - epoch_ns for image in images], dtype=np.int64)
     return CameraRecording(

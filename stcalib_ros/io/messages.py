@@ -54,7 +54,9 @@ class PoseImage:
         0 where they were not finite.
     project : bool
         Keypoints are still to be projected from `joints`, see
-        `stcalib_ros.io.projection.with_projections`.
+        `stcalib_ros.io.keypoint_pixels.with_pixels`.
+    fractions : bool
+        Keypoints are still fractions of the image.
     n_infinite : int
         Infinite values that were taken as not observed.
     received_ns : int or None
@@ -73,6 +75,7 @@ class PoseImage:
     joints: Float32Array | None
     joint_scores: Float32Array
     project: bool = False
+    fractions: bool = False
     n_infinite: int = 0
     received_ns: int | None = None
 
@@ -145,6 +148,7 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
         joints=None if joints is None else _observed(joints),
         joint_scores=np.where(np.isfinite(scores), scores, np.float32(0.0)),
         project=getattr(message, "project", False),
+        fractions=getattr(message, "fractions", False),
         n_infinite=sum(
             int((np.abs(a) > MAX_COORDINATE).sum()) for a in (keypoints, joints) if a is not None
         ),

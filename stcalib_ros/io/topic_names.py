@@ -19,9 +19,29 @@ def camera_name(pose_topic: str, pose_type: str = PERSON_POSES.name) -> str:
     """
     *namespace, last = pose_topic.strip("/").split("/")
     node = TYPES[pose_type].node
+    if TYPES[pose_type].topic_per_person:
+        namespace = namespace[:-1]
     if node and len(namespace) > len(node) and tuple(namespace[-len(node) :]) == node:
         namespace = namespace[: -len(node)]
     return "/".join(namespace) or last
+
+
+def topics_of_people(pose_topic: str, types_by_topic: Mapping[str, str]) -> tuple[str, ...]:
+    """All topics of the people of a camera, where every one has their own; else none.
+
+    Parameters
+    ----------
+    pose_topic : str
+        One of them.
+    types_by_topic : mapping of str to str
+        Type name of every topic.
+    """
+    kind = types_by_topic[pose_topic]
+    if not TYPES[kind].topic_per_person:
+        return ()
+    name = camera_name(pose_topic, kind)
+    alike = sorted(topic for topic, other in types_by_topic.items() if other == kind)
+    return tuple(topic for topic in alike if camera_name(topic, kind) == name)
 
 
 def pose_topic_ranks(types_by_topic: Mapping[str, str]) -> dict[str, tuple[int, int]]:

@@ -15,9 +15,14 @@ from stcalib_ros.io.lens_settings import (
     lens_settings,
     require_lens_groups,
 )
-from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, Content, types_of
+from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, TYPES, Content, types_of
 from stcalib_ros.io.messages import CameraInfoFields
-from stcalib_ros.io.topic_names import camera_name, info_topic_of, pose_topic_ranks
+from stcalib_ros.io.topic_names import (
+    camera_name,
+    info_topic_of,
+    pose_topic_ranks,
+    topics_of_people,
+)
 
 _NO_LENS = LensSettings()
 _POSES = ("person poses", "pose_topic")
@@ -87,6 +92,8 @@ class SelectedCamera:
         What is said of its lens beside CameraInfo.
     pose_type, info_type : str
         Types of the topics, of `stcalib_ros.io.message_types.TYPES`.
+    people_topics : tuple of str
+        Topics of single persons, `pose_topic` among them; empty: that has all persons.
     """
 
     name: str
@@ -97,6 +104,12 @@ class SelectedCamera:
     lens: LensSettings = _NO_LENS
     pose_type: str = PERSON_POSES.name
     info_type: str = CAMERA_INFO.name
+    people_topics: tuple[str, ...] = ()
+
+    @property
+    def pose_topics(self) -> tuple[str, ...]:
+        """All topics with poses."""
+        return self.people_topics or (self.pose_topic,)
 
 
 def selection_from_mapping(cameras: object, camera: object) -> CameraSelection:
@@ -208,6 +221,7 @@ def select_cameras(
                 lens=own.lens,
                 pose_type=types_by_topic[pose_topic],
                 info_type=types_by_topic.get(info_topic, CAMERA_INFO.name),
+                people_topics=topics_of_people(pose_topic, types_by_topic),
             )
         )
     return tuple(cameras)
@@ -242,11 +256,18 @@ def _pose_topics(types_by_topic: Mapping[str, str], selection: CameraSelection) 
             "record the pose estimator's output, or make a bag with `stcalib convert`"
         )
     by_name = dict(own)
+    named = {
+        camera_name(topic, kind): kind
+        for topic in own.values()
+        if TYPES[kind := types_by_topic[topic]].topics
+    }
     for topic in sorted(by_convention, key=lambda t: (ranks[t], t)):
         name = camera_name(topic, types_by_topic[topic])
-        if name in own:
+        if name in own or named.get(name) == types_by_topic[topic]:
             continue
-        if (other := by_name.setdefault(name, topic)) != topic and ranks[other] == ranks[topic]:
+        other = by_name.setdefault(name, topic)
+        alike = other != topic and ranks[other] == ranks[topic]
+        if alike and not TYPES[types_by_topic[topic]].topic_per_person:
             raise InputError(
                 f"two cameras with one name, {name!r}: {other} and {topic}; "
                 f"name them with camera.<name>.pose_topic in the configuration"

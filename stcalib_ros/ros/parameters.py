@@ -13,7 +13,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.monitoring.alarms import Thresholds
 from stcalib_ros.core.options import Options, options_from_mapping
 from stcalib_ros.io.lens_settings import LENS_KEYS, lens_settings, require_lens_groups
-from stcalib_ros.io.message_types import Content, types_of
+from stcalib_ros.io.message_types import TYPES, Content, types_of
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.io.yaml_files import parse_yaml
 from stcalib_ros.ros.limits import (
@@ -160,6 +160,11 @@ def _camera(name: str, values: Mapping[str, Any]) -> SelectedCamera:
     pose_type, known = values[f"{path}.pose_type"], types_of(Content.POSES)
     if pose_type not in known:
         raise InputError(f"{path}.pose_type: expected {' or '.join(known)}, got {pose_type!r}")
+    if TYPES[pose_type].topic_per_person:
+        raise InputError(
+            f"{path}.pose_type: every person of {pose_type} has a topic of their own, which a node "
+            "cannot know in advance; record them, and calibrate the bag"
+        )
     return SelectedCamera(name, pose_topic, info_topic, frame or None, line_s, lens, pose_type)
 
 

@@ -109,7 +109,10 @@ def write_foreign(
     info_topic: str,
     make: MakeMessage,
 ) -> Path:
-    """Write a bag of messages of one type; ``{}`` in the topics is the name of the camera."""
+    """Write a bag of messages of one type.
+
+    ``{}`` in the topics is the name of the camera; with ``{id}`` every person has a topic.
+    """
     messages: list[Message] = []
     for camera in recording.cameras:
         lens = camera.intrinsics
@@ -129,8 +132,11 @@ def write_foreign(
         )
         for stamp, persons in zip(camera.stamps, images_of(camera), strict=True):
             stamp_ns = recording.epoch_ns + round(stamp * 1e9)
-            message = make(camera, header(stamp_ns, camera.frame_id), persons)
-            messages.append((topic.format(camera.name), kind, message, stamp_ns))
+            parts = [[one] for one in persons] if "{id}" in topic else [persons]
+            for part in parts:
+                message = make(camera, header(stamp_ns, camera.frame_id), part)
+                own = topic.format(camera.name, id=part[0].track_id if part else "")
+                messages.append((own, kind, message, stamp_ns))
     return write_bag(path, messages)
 
 
@@ -202,6 +208,33 @@ def kinect(camera: CameraRecording, stamped: dict[str, Any], persons: Persons) -
             for name, point in seen.joints.items()
             if name in KINECT
         ]
+    }
+
+
+HRI = (
+    *("nose", "neck", "right_shoulder", "right_elbow", "right_wrist", "left_shoulder"),
+    *("left_elbow", "left_wrist", "right_hip", "right_knee", "right_ankle", "left_hip"),
+    *("left_knee", "left_ankle", "left_eye", "right_eye", "left_ear", "right_ear"),
+)
+
+
+def hri(camera: CameraRecording, stamped: dict[str, Any], persons: Persons) -> dict[str, Any]:
+    """A ``hri_msgs/Skeleton2D`` of one person; joints that are not there are at (0, 0)."""
+    (seen,) = persons
+    nothing = {"x": 0.0, "y": 0.0, "c": 0.0}
+    width, height = camera.intrinsics.width, camera.intrinsics.height
+    return {
+        "header": stamped,
+        "skeleton": [
+            {
+                "x": (seen.keypoints[name][0] + 0.5) / width,
+                "y": (seen.keypoints[name][1] + 0.5) / height,
+                "c": 0.9,
+            }
+            if name in seen.keypoints
+            else nothing
+            for name in HRI
+        ],
     }
 
 

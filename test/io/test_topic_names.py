@@ -6,7 +6,7 @@ import pytest
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.topic_names import camera_name
-from stcalib_ros.io.topics import CameraSelection, select_cameras
+from stcalib_ros.io.topics import CameraSelection, CameraTopics, select_cameras
 
 OURS, INFO = "stcalib_ros/msg/PersonPose3DArray", "sensor_msgs/msg/CameraInfo"
 YOLO = "yolo_msgs/msg/DetectionArray"
@@ -26,6 +26,7 @@ def chosen(topics: dict[str, str]) -> list[tuple[str, str, str]]:
         ("/cam0/yolo/tracking", YOLO, "cam0"),
         ("/yolo0/tracking", YOLO, "yolo0"),
         ("/yolo/tracking", YOLO, "yolo"),
+        ("/cam0/humans/bodies/xyz/skeleton2d", "hri_msgs/msg/Skeleton2D", "cam0"),
         ("/cam0/yolo/person_poses", OURS, "cam0/yolo"),
     ],
 )
@@ -40,6 +41,13 @@ def test_of_one_camera_tracked_detections_are_read_and_our_message_before_all() 
     assert chosen(topics) == [("a", "/a/yolo/tracking", "/a/camera_info")]
     topics |= {"/a/person_poses": OURS}
     assert chosen(topics) == [("a", "/a/person_poses", "/a/camera_info")]
+
+
+def test_a_camera_with_a_name_of_its_own_is_one_camera() -> None:
+    topics = {"/a/yolo/detections": YOLO, "/a/yolo/tracking": YOLO, "/a/camera_info": INFO}
+    topics |= {"/b/yolo/tracking": YOLO, "/b/camera_info": INFO}
+    selection = CameraSelection(None, {"left": CameraTopics("/a/yolo/tracking")})
+    assert [c.name for c in select_cameras(topics, selection)] == ["b", "left"]
 
 
 def test_two_that_are_alike_are_not_guessed() -> None:

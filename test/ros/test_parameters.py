@@ -169,6 +169,9 @@ def test_the_type_of_the_poses_is_one_that_is_read():
     values["camera.cam1.pose_topic"] = values["camera.cam0.pose_topic"]
     with pytest.raises(InputError, match=r"cam1\.pose_type: /cam0/person_poses cannot be both stc"):
         settings_from(values, node_name="/calibrator")
+    values["camera.cam1.pose_type"] = "hri_msgs/msg/Skeleton2D"
+    with pytest.raises(InputError, match=r"has a topic of their own, .* calibrate the bag"):
+        settings_from(values, node_name="/calibrator")
     values["camera.cam1.pose_type"] = "sensor_msgs/msg/Image"
     said = r"camera\.cam1\.pose_type: expected stcalib_ros/.* or yolo_msgs/.*, got 'sensor_msgs/"
     with pytest.raises(InputError, match=said):

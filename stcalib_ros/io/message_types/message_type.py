@@ -57,6 +57,8 @@ class MessageType:
         Last parts of the names of topics, of which the first that there is serves a camera.
     only_these : bool
         Topics of other names are something else.
+    topic_per_person : bool
+        A topic has the messages of one person, whose id is the last part of its namespace.
     node : tuple of str
         Last parts of namespaces that are the node's and not the camera's.
     info_topics : tuple of str
@@ -75,6 +77,7 @@ class MessageType:
     decode: Callable[[CdrReader], SimpleNamespace | None]
     topics: tuple[str, ...] = ()
     only_these: bool = False
+    topic_per_person: bool = False
     node: tuple[str, ...] = ()
     info_topics: tuple[str, ...] = ()
     bytes_factor: int = 1

@@ -63,6 +63,7 @@ def poses(
     rectified: bool = False,
     metric: bool = False,
     project: bool = False,
+    fractions: bool = False,
 ) -> SimpleNamespace:
     """Fields of a ``PersonPose3DArray``, and what to do with them.
 
@@ -73,6 +74,8 @@ def poses(
     project : bool
         Keypoints are where the lens projects the joints, which are where they are in the frame of
         the camera.
+    fractions : bool
+        Keypoints are fractions of the image, of which the upper left corner is (0, 0).
     """
     return SimpleNamespace(
         header=header,
@@ -81,5 +84,6 @@ def poses(
         rectified=rectified,
         metric=metric,
         project=project,
+        fractions=fractions,
         persons=persons,
     )

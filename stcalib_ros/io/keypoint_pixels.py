@@ -1,4 +1,4 @@
-"""Keypoints of messages that have none, where the place of every joint in the camera is known."""
+"""Pixels of keypoints that come as places of joints in the camera, or as fractions of the image."""
 
 from __future__ import annotations
 
@@ -11,9 +11,13 @@ from stcalib_ros.core.geometry.lens import project
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.io.messages import PoseImage
 
+_CORNER_PX = 0.5
+"""Pixels from the corner of an image, where its fractions begin, to the centre of its first pixel,
+where pixels begin. By definition of the two."""
 
-def with_projections(image: PoseImage, lens: Intrinsics, info_topic: str) -> PoseImage:
-    """Return an image with keypoints where a lens projects its joints, if it takes any.
+
+def with_pixels(image: PoseImage, lens: Intrinsics, info_topic: str) -> PoseImage:
+    """Return an image with keypoints in pixels, whatever they come as.
 
     Parameters
     ----------
@@ -28,6 +32,9 @@ def with_projections(image: PoseImage, lens: Intrinsics, info_topic: str) -> Pos
     InputError
         The lens is not known.
     """
+    if image.fractions:
+        pixels = image.keypoints * np.array([lens.width, lens.height]) - _CORNER_PX
+        return replace(image, keypoints=pixels.astype(np.float32), fractions=False)
     if not image.project or image.joints is None:
         return image
     if not lens.known:
