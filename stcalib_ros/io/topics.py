@@ -17,10 +17,17 @@ from stcalib_ros.io.lens_settings import (
     lens_settings,
     require_lens_groups,
 )
-from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, Content, types_of
+from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, TYPES, Content, types_of
 from stcalib_ros.io.messages import CameraInfoFields
+from stcalib_ros.io.topic_names import (
+    camera_name,
+    info_topic_of,
+    pose_topic_ranks,
+    topics_of_people,
+)
 
 _NO_LENS = LensSettings()
+_POSES = ("person poses", "pose_topic")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +97,8 @@ class SelectedCamera:
         What is said of its lens beside CameraInfo.
     pose_type, info_type : str
         Types of the topics, of `stcalib_ros.io.message_types.TYPES`.
+    people_topics : tuple of str
+        Topics of single persons, `pose_topic` among them; empty: that has all persons.
     """
 
     name: str
@@ -100,6 +109,12 @@ class SelectedCamera:
     lens: LensSettings = _NO_LENS
     pose_type: str = PERSON_POSES.name
     info_type: str = CAMERA_INFO.name
+    people_topics: tuple[str, ...] = ()
+
+    @property
+    def pose_topics(self) -> tuple[str, ...]:
+        """All topics with poses."""
+        return self.people_topics or (self.pose_topic,)
 
 
 def selection_from_mapping(cameras: object, camera: object) -> CameraSelection:
@@ -168,7 +183,8 @@ def select_cameras(
     """Cameras of the topics that there are.
 
     A topic whose type gives poses is a camera; its name is the topic's namespace
-    (``/site/cam0/person_poses``: ``site/cam0``), its intrinsics the ``camera_info`` beside it.
+    (``/site/cam0/person_poses``: ``site/cam0``), its intrinsics the ``camera_info`` beside it, or
+    the CameraInfo in the nearest namespace around it.
 
     Parameters
     ----------
@@ -197,7 +213,7 @@ def select_cameras(
     for name in wanted:
         own = selection.camera.get(name, CameraTopics())
         pose_topic = pose_topics[name]
-        info_topic = own.info_topic or pose_topic.rpartition("/")[0] + "/camera_info"
+        info_topic = own.info_topic or info_topic_of(pose_topic, types_by_topic)
         lens = of_file.get(name, own.lens)
         without = lens.image_size is not None or lens.info is not None
         if own.info_topic or not without or info_topic in types_by_topic:
@@ -212,6 +228,7 @@ def select_cameras(
                 lens=lens,
                 pose_type=types_by_topic[pose_topic],
                 info_type=types_by_topic.get(info_topic, CAMERA_INFO.name),
+                people_topics=topics_of_people(pose_topic, types_by_topic),
             )
         )
     return tuple(cameras)
@@ -250,43 +267,36 @@ def _require_poses_of_settings(
             )
 
 
-def camera_name(pose_topic: str) -> str:
-    """Name of the camera that publishes on a topic: the topic's namespace.
-
-    Examples
-    --------
-    >>> camera_name("/cam0/person_poses")
-    'cam0'
-    """
-    path = pose_topic.strip("/")
-    return path.rpartition("/")[0] or path
-
-
 def _pose_topics(types_by_topic: Mapping[str, str], selection: CameraSelection) -> dict[str, str]:
     """Pose topics by camera name."""
     own = {n: t.pose_topic for n, t in selection.camera.items() if t.pose_topic is not None}
     for name, topic in own.items():
         _require_type(types_by_topic, topic, Content.POSES, f"camera {name}")
-    poses = types_of(Content.POSES)
-    by_convention = [
-        t for t, kind in types_by_topic.items() if kind in poses and t not in own.values()
-    ]
+    ranks = pose_topic_ranks(types_by_topic)
+    by_convention = [topic for topic in ranks if topic not in own.values()]
     if not own and not by_convention:
         raise InputError(
-            f"no topic of type {' or '.join(poses)}; the bag has {_listing(types_by_topic)}; "
+            f"no topic of type {' or '.join(types_of(Content.POSES))}; the bag has "
+            f"{_listing(types_by_topic)}; "
             "record the pose estimator's output, or make a bag with `stcalib convert`"
         )
     by_name = dict(own)
-    for topic in sorted(by_convention):
-        name = camera_name(topic)
-        if name in own:
+    named = {
+        camera_name(topic, kind): kind
+        for topic in own.values()
+        if TYPES[kind := types_by_topic[topic]].topics
+    }
+    for topic in sorted(by_convention, key=lambda t: (ranks[t], t)):
+        name = camera_name(topic, types_by_topic[topic])
+        if name in own or named.get(name) == types_by_topic[topic]:
             continue
-        if name in by_name:
+        other = by_name.setdefault(name, topic)
+        alike = other != topic and ranks[other] == ranks[topic]
+        if alike and not TYPES[types_by_topic[topic]].topic_per_person:
             raise InputError(
-                f"two cameras with one name, {name!r}: {by_name[name]} and {topic}; "
+                f"two cameras with one name, {name!r}: {other} and {topic}; "
                 f"name them with camera.<name>.pose_topic in the configuration"
             )
-        by_name[name] = topic
     return by_name
 
 
@@ -296,23 +306,25 @@ def _require_type(
     wanted, actual = types_of(content), types_by_topic.get(topic)
     if actual in wanted:
         return
-    names = " or ".join(name.rpartition("/")[2] for name in wanted)
+    what, key = ("CameraInfo", "info_topic") if content is Content.INTRINSICS else _POSES
     problem = "there is no such topic" if actual is None else f"its type is {actual}"
     raise InputError(
-        f"{whose}: no {names} on {topic}: {problem}; the bag has "
-        f"{_listing(types_by_topic, content)}"
+        f"{whose}: no {what} on {topic}: {problem}; the bag has "
+        f"{_listing(types_by_topic, content)}; name its topic with camera.<name>.{key} in the "
+        "configuration"
     )
 
 
 def _listing(types_by_topic: Mapping[str, str], content: Content | None = None) -> str:
-    wanted = () if content is None else types_of(content)
-    kinds = " or ".join(wanted)
-    topics = sorted(t for t, k in types_by_topic.items() if content is None or k in wanted)
-    if not topics:
-        return "no topics" if content is None else f"no topic of type {kinds}"
-    if content is not None:
-        return f"{kinds} on {', '.join(topics)}"
-    return ", ".join(f"{t} ({types_by_topic[t]})" for t in topics)
+    """Topics with their types; of those with some content, by type."""
+    if content is None:
+        return ", ".join(f"{t} ({k})" for t, k in sorted(types_by_topic.items())) or "no topics"
+    found = {
+        kind: sorted(topic for topic, other in types_by_topic.items() if other == kind)
+        for kind in types_of(content)
+    }
+    listed = [f"{kind} on {', '.join(topics)}" for kind, topics in found.items() if topics]
+    return "; ".join(listed) or f"no topic of type {' or '.join(found)}"
 
 
 def _natural(name: str) -> list[tuple[int, str]]:

@@ -184,7 +184,8 @@ CASES: dict[str, tuple[Maker, str]] = {
     "no pose topics": (
         _no_poses,
         (
-            r"no topic of type stcalib_ros/msg/PersonPose3DArray; the bag has /cam0/camera_info "
+            r"no topic of type stcalib_ros/msg/PersonPose3DArray or .*; "
+            r"the bag has /cam0/camera_info "
             r"\(sensor_msgs/msg/CameraInfo\), /chatter \(std_msgs/msg/String\)"
         ),
     ),
