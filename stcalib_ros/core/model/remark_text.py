@@ -100,8 +100,8 @@ REMARKS = {
         "or its image is turned, as its CameraInfo has to be, too; its pose is that of the image"
     ),
     RemarkCode.CLOCKS_ALIGNED: (
-        "{seconds:.3f} s were added to the stamps of {cameras} before clocks were searched within "
-        "{range_s:g} s, since {detail}: a guess, which time offsets contain; --align gives another"
+        "{seconds:.3f} s were added to the stamps of {cameras}, {detail}, before offsets were "
+        "searched within {range_s:g} s: a guess, which time offsets contain; --align gives another"
     ),
     RemarkCode.LENS_HELD: (
         "{camera}: its lens stays as it was given: people's motion does not determine its focal "
