@@ -56,7 +56,7 @@ def compared(case: Case) -> tuple[set[str], set[str], str]:
         names, why = set(), [str(error)[:60]]
     solved_s = time.process_time() - begin - examined_s
     said = set(predicted.calibrated)
-    least = min(predicted.explained.values(), default=float("nan"))
+    least = min((fit.fitting for fit in predicted.fits.values()), default=float("nan"))
     line = (
         f"said {len(said)} {','.join(reasons) or '-'} ({least:.2f}), found {len(names)} "
         f"{','.join(why) or '-'}; {examined_s:.1f} s, {solved_s:.1f} s"

@@ -88,7 +88,7 @@ def diagnosis_json(found: Diagnosis, warnings: Sequence[str] = ()) -> str:
             for one in advise(found)
         ],
         "cameras": [{**asdict(one), "lens": one.lens.value} for one in found.cameras],
-        "explained": dict(found.explained),
+        "fits": {name: asdict(fit) for name, fit in found.fits.items()},
         "pairs": [asdict(one) for one in found.pairs],
     }
     return json.dumps(_finite(plain), allow_nan=False)
