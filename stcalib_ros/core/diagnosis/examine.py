@@ -85,6 +85,11 @@ class CameraFit:
     fitting: float
     explained: float
 
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the camera may be left out: by chance, or since it changed on the way."""
+        return self.fitting < MIN_FITTING or self.explained < MIN_EXPLAINED
+
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
@@ -123,6 +128,11 @@ class Diagnosis:
     def will_calibrate(self) -> bool:
         """Whether a calibration is expected to succeed."""
         return bool(self.calibrated)
+
+    @property
+    def doubtful(self) -> tuple[str, ...]:
+        """Cameras that a calibration is expected to have, but of which little fits."""
+        return tuple(n for n in self.calibrated if n in self.fits and self.fits[n].is_doubtful)
 
     @property
     def reasons(self) -> tuple[Rejection, ...]:

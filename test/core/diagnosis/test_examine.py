@@ -33,7 +33,7 @@ def codes(found: Diagnosis) -> set[AdviceCode]:
 def test_a_good_recording_will_calibrate(good: Diagnosis) -> None:
     assert good.will_calibrate
     assert good.calibrated == ("cam0", "cam1", "cam2")
-    assert (good.reasons, good.unusable) == ((), "")
+    assert (good.reasons, good.unusable, good.doubtful) == ((), "", ())
     assert len(good.pairs) == 3
     assert min(fit.explained for fit in good.fits.values()) > 0.85
 
@@ -110,6 +110,7 @@ def test_a_camera_that_sees_half_of_the_people_is_no_stranger(scene: Scene) -> N
     found = examine(changed(two, "cam1", one_person), HALF_SECOND)
     assert found.fits["cam0"].explained < MIN_EXPLAINED
     assert found.will_calibrate
+    assert found.doubtful == ("cam0",)
 
 
 def test_faults_and_what_is_put_right_are_those_of_the_calibration(scene: Scene) -> None:
