@@ -167,9 +167,9 @@ to 0.03 of pinholes, of 125 degrees. With k1 = -0.25 and k2 = 0.06, -0.29 to -0.
 lens with a k1 fits as well."""
 
 SURELY_BENT = 5.0
-"""Standard deviations from a pinhole that the radial coefficient of an equidistant lens has, at least.
-Measured: 17 and more of views of 125 degrees; 3.3 of a pinhole of 59 degrees with keypoint bias, for
-which both do."""
+"""Standard deviations that the radial coefficient of an equidistant lens is from a pinhole, at
+least. Measured: 17 and more of views of 125 degrees; 3.3 of a pinhole of 59 degrees with keypoint
+bias, for which both do."""
 
 FOCAL_START = -0.5
 """Logarithm of a focal length over that of `assumed_lens`, from which the search for one starts: a
