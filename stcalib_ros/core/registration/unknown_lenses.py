@@ -32,6 +32,7 @@ from stcalib_ros.core.registration.limits import (
     MIN_POINTS,
     MOST_BENT,
     RADIAL_STDDEV,
+    SURELY_BENT,
 )
 from stcalib_ros.core.registration.pairs import PairTask
 from stcalib_ros.core.registration.two_view_lenses import PairPoints
@@ -88,8 +89,10 @@ def _by_families(points: PairPoints, unknowns: LensUnknowns) -> Float64Array:
 
     A radial coefficient that is free goes with the focal length to some part.
     """
-    lenses = search_lenses(points, unknowns).views.lenses
-    fisheye = (unknowns.column[:, RADIAL] >= 0) & (lenses[:, RADIAL] < MOST_BENT)
+    found = search_lenses(points, unknowns)
+    lenses, radial = found.views.lenses, found.views.lenses[:, RADIAL]
+    bent = (radial < MOST_BENT) & (radial < -SURELY_BENT * found.stddev[:, RADIAL])
+    fisheye = (unknowns.column[:, RADIAL] >= 0) & bent
     if not fisheye.any():
         return lenses
     column, known = unknowns.column.copy(), unknowns.known.copy()
