@@ -67,6 +67,15 @@ def test_what_will_not_calibrate_ends_with_3_and_the_code(
     assert found["reasons"][0]["code"] == "TOO_FEW_CAMERAS"
 
 
+def test_a_camera_that_is_in_doubt_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = changed(recorded(), "cam1", lambda c: replace(c, tracks=c.tracks[:1]))
+    path = bag(tmp_path, Recording(recording.cameras[:2], recording.epoch_ns))
+    assert main(["doctor", path]) == 0
+    assert "In doubt:\n- cam0: " in capsys.readouterr().out
+
+
 def test_options_are_those_of_calibrate(tmp_path: Path) -> None:
     recording = changed(recorded(), "cam1", clock_shifted(12.0))
     path = bag(tmp_path, Recording(recording.cameras[:2], recording.epoch_ns))

@@ -4,7 +4,8 @@
     python -m benchmarks.field.predictions --seeds 3
 
 Every recording is examined, and calibrated. Printed is how often "will calibrate" and "will not"
-were true, and what went otherwise; and the time of both. Exit status 0.
+were true, how many cameras were left out against the prediction, and how many of these were in
+doubt; and the time of both. Exit status 0.
 """
 
 from __future__ import annotations
@@ -29,20 +30,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--seeds", type=int, default=1, help="seeds of each member (default: 1)")
     args = parser.parse_args(argv)
-    counted: Counter[tuple[str, str]] = Counter()
-    same_cameras = 0
+    counted: Counter[str] = Counter()
     for member in MEMBERS:
         for seed in range(args.seeds if member.kind != "H" else 0):
-            said, found, line = compared(member.make(seed))
-            counted["will" if said else "", "did" if found else ""] += 1
-            same_cameras += bool(said) and said == found
+            said, doubted, found, line = compared(member.make(seed))
+            counted[f"{bool(said)} {bool(found)}"] += 1
+            if said and found:
+                counted["same"] += said == found
+                counted["missing"] += len(said - found)
+                counted["missing, in doubt"] += len((said - found) & doubted)
+                counted["found, in doubt"] += len(found & doubted)
             mark = " " if bool(said) == bool(found) else "!"
             print(f"{mark} {member.kind}  {member.name:36s} {line}", flush=True)
-    return _summary(counted, same_cameras)
+    _print_summary(counted)
+    return 0
 
 
-def compared(case: Case) -> tuple[set[str], set[str], str]:
-    """Return the cameras that were expected, those that were calibrated, and both in a line."""
+def compared(case: Case) -> tuple[set[str], set[str], set[str], str]:
+    """Return the cameras expected, in doubt, and calibrated, and all of it in a line."""
     begin = time.process_time()
     predicted = examine(case.recording, case.options)
     examined_s = time.process_time() - begin
@@ -55,23 +60,25 @@ def compared(case: Case) -> tuple[set[str], set[str], str]:
     except InputError as error:
         names, why = set(), [str(error)[:60]]
     solved_s = time.process_time() - begin - examined_s
-    said = set(predicted.calibrated)
-    least = min(predicted.explained.values(), default=float("nan"))
+    said, doubted = set(predicted.calibrated), set(predicted.doubtful)
     line = (
-        f"said {len(said)} {','.join(reasons) or '-'} ({least:.2f}), found {len(names)} "
-        f"{','.join(why) or '-'}; {examined_s:.1f} s, {solved_s:.1f} s"
+        f"said {len(said)} ({len(doubted)} in doubt) {','.join(reasons) or '-'}, found "
+        f"{len(names)} {','.join(why) or '-'}; {examined_s:.1f} s, {solved_s:.1f} s"
     )
-    return said, names, line
+    return said, doubted, names, line
 
 
-def _summary(counted: Counter[tuple[str, str]], same_cameras: int) -> int:
-    will, will_not = (
-        sum(n for (s, _), n in counted.items() if bool(s) is w) for w in (True, False)
+def _print_summary(counted: Counter[str]) -> None:
+    true, false = counted["True True"], counted["True False"]
+    print(f"\n'will calibrate' was true {true} of {true + false} times", end="")
+    print(f" ({counted['same']} with just these cameras)")
+    not_true, not_false = counted["False False"], counted["False True"]
+    print(f"'will not' was true {not_true} of {not_true + not_false} times")
+    print(
+        f"{counted['missing']} cameras were left out of those expected, "
+        f"{counted['missing, in doubt']} of them in doubt; {counted['found, in doubt']} in doubt "
+        "were calibrated"
     )
-    print(f"\n'will calibrate' was true {counted['will', 'did']} of {will} times", end="")
-    print(f" ({same_cameras} with these cameras)")
-    print(f"'will not' was true {will_not - counted['', 'did']} of {will_not} times")
-    return 0
 
 
 if __name__ == "__main__":

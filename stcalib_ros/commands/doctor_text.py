@@ -11,7 +11,7 @@ from typing import Any
 
 from stcalib_ros.commands.terminal import table
 from stcalib_ros.core.diagnosis.advice import advise
-from stcalib_ros.core.diagnosis.examine import Diagnosis, PairFacts
+from stcalib_ros.core.diagnosis.examine import CameraFit, Diagnosis, PairFacts
 from stcalib_ros.core.diagnosis.facts import CameraFacts
 from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.model.rejection_text import camera_sentence, labelled, whole_sentences
@@ -50,6 +50,7 @@ def diagnosis_text(found: Diagnosis, source: str, warnings: Sequence[str] = ()) 
         parts.append(_pairs(found.pairs))
     parts += _list("Put right or noticed:", [*warnings, *whole_sentences(found.remarks, ())])
     parts += _list("Left out:", [_of_camera(c.name, c.rejection) for c in found.uncalibrated])
+    parts += _list("In doubt:", [_doubt(name, found.fits[name]) for name in found.doubtful])
     parts += _list("What would help:", [one.sentence for one in advise(found)])
     parts.append(_filled(verdict(found), ""))
     return "\n\n".join(parts)
@@ -76,6 +77,7 @@ def diagnosis_json(found: Diagnosis, warnings: Sequence[str] = ()) -> str:
         "will_calibrate": found.will_calibrate,
         "prediction": verdict(found),
         "calibrated": list(found.calibrated),
+        "doubtful": list(found.doubtful),
         "reasons": [plain_rejection(one, labelled(one)) for one in found.rejections],
         "uncalibrated": {
             one.name: plain_rejection(one.rejection, one.reason) for one in found.uncalibrated
@@ -88,7 +90,7 @@ def diagnosis_json(found: Diagnosis, warnings: Sequence[str] = ()) -> str:
             for one in advise(found)
         ],
         "cameras": [{**asdict(one), "lens": one.lens.value} for one in found.cameras],
-        "explained": dict(found.explained),
+        "fits": {name: asdict(fit) for name, fit in found.fits.items()},
         "pairs": [asdict(one) for one in found.pairs],
     }
     return json.dumps(_finite(plain), allow_nan=False)
@@ -173,6 +175,14 @@ def _number(value: float, form: str, unit: str = "") -> str:
 
 def _of_camera(name: str, rejection: Rejection) -> str:
     return f"{name}: {rejection.reason.value}: {camera_sentence(name, rejection)}"
+
+
+def _doubt(name: str, fit: CameraFit) -> str:
+    return (
+        f"{name}: {fit.fitting:.0%} of what it sees of people whom others see fits, and "
+        f"{fit.explained:.0%} of all that it sees: it may see other people, or it was moved or its "
+        "clock set while it recorded"
+    )
 
 
 def _list(head: str, texts: Sequence[str]) -> list[str]:

@@ -11,7 +11,7 @@ from core_helpers import HALF_SECOND, SMALL, changed, clock_shifted, tracks_chan
 from stcalib_ros.core.diagnosis.advice import AdviceCode, advise
 from stcalib_ros.core.diagnosis.examine import MIN_EXPLAINED, Diagnosis, PairFacts, examine
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
-from stcalib_ros.core.model.recording import Recording, keypoints_only, only_images
+from stcalib_ros.core.model.recording import CameraRecording, Recording, keypoints_only, only_images
 from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
 from stcalib_ros.core.synthetic import Scene, simulate
 
@@ -33,9 +33,9 @@ def codes(found: Diagnosis) -> set[AdviceCode]:
 def test_a_good_recording_will_calibrate(good: Diagnosis) -> None:
     assert good.will_calibrate
     assert good.calibrated == ("cam0", "cam1", "cam2")
-    assert (good.reasons, good.unusable) == ((), "")
+    assert (good.reasons, good.unusable, good.doubtful) == ((), "", ())
     assert len(good.pairs) == 3
-    assert min(good.explained.values()) > 0.85
+    assert min(fit.explained for fit in good.fits.values()) > 0.85
 
 
 def test_what_is_counted_is_what_was_recorded(scene: Scene, good: Diagnosis) -> None:
@@ -99,7 +99,18 @@ def test_strangers_do_not_calibrate(scene: Scene) -> None:
     found = examine(strangers, HALF_SECOND)
     assert not found.will_calibrate
     assert found.rejections[0].reason is RejectionReason.NO_SHARED_MOTION
-    assert max(found.explained.values()) < MIN_EXPLAINED
+    assert max(fit.explained for fit in found.fits.values()) < MIN_EXPLAINED
+
+
+def test_a_camera_that_sees_half_of_the_people_is_no_stranger(scene: Scene) -> None:
+    def one_person(camera: CameraRecording) -> CameraRecording:
+        return replace(camera, tracks=camera.tracks[:1])
+
+    two = Recording(scene.recording.cameras[:2], scene.recording.epoch_ns)
+    found = examine(changed(two, "cam1", one_person), HALF_SECOND)
+    assert found.fits["cam0"].explained < MIN_EXPLAINED
+    assert found.will_calibrate
+    assert found.doubtful == ("cam0",)
 
 
 def test_faults_and_what_is_put_right_are_those_of_the_calibration(scene: Scene) -> None:
