@@ -23,6 +23,9 @@ INTERRUPTED = 130
 _MAX_ERROR = 5000
 """Characters. An error is cut here: one that names each of 64 cameras with its reason fits."""
 
+_OF_BAGS = ("mcap", "lz4", "zstandard")
+"""Packages that only bags need; those of a distribution do not bring the first."""
+
 _COMMANDS = {
     "calibrate": "calibrate the cameras of a bag",
     "clocks": "say how to cut videos so that they are synchronous",
@@ -94,6 +97,11 @@ def run_command(name: str, command: Callable[[], object]) -> int:
         sys.stdout.flush()
     except StcalibError as error:
         return _failed(name, error, error.exit_status)
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in _OF_BAGS:
+            raise
+        what = f"bags need the Python package {error.name}: install it with pip install mcap"
+        return _failed(name, what, StcalibError.exit_status)
     except KeyboardInterrupt:
         return _failed(name, "interrupted", INTERRUPTED)
     except BrokenPipeError:  # as in `stcalib ... | head`

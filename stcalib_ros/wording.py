@@ -12,6 +12,8 @@ from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
 from stcalib_ros.core.model.rolling_shutter import MAX_READOUT_STDDEV_S
 
 PLUS_MINUS = "+-"
+_LONG_OFFSET_S = 100.0
+"""Seconds. Offsets from here on are said in seconds: of clocks of two epochs. Chosen."""
 
 _BEFORE = {LensKnowledge.REFINE: "a guess", LensKnowledge.UNKNOWN: "unknown"}
 
@@ -69,8 +71,11 @@ def clock_text(camera: CameraCalibration, reference: str, sign: str = PLUS_MINUS
     """Say time offset, clock skew and line delay of a camera."""
     if camera.name == reference:
         return "reference" + line_delay_text(camera, sign)
-    text = f"{1e3 * camera.time_offset_s:+.2f} ms"
-    text += plus_minus(1e3 * camera.time_offset_stddev_s, 2, sign)
+    if abs(camera.time_offset_s) < _LONG_OFFSET_S:
+        text = f"{1e3 * camera.time_offset_s:+.2f} ms"
+        text += plus_minus(1e3 * camera.time_offset_stddev_s, 2, sign)
+    else:
+        text = f"{camera.time_offset_s:+.5f} s{plus_minus(camera.time_offset_stddev_s, 5, sign)}"
     if camera.clock_skew:
         text += f", {1e6 * camera.clock_skew:+.2f} ppm"
         text += plus_minus(1e6 * camera.clock_skew_stddev, 2, sign)

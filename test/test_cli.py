@@ -3,6 +3,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -86,6 +87,19 @@ def test_help_is_quick_since_it_imports_little(arguments: list[str]) -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert all(name in done.stdout for name in COMMANDS if len(arguments) == 1)
+
+
+@pytest.mark.parametrize(
+    "arguments", [["calibrate", BAG, "-o", "a.yaml"], ["simulate", "a.mcap", "--truth", "t.yaml"]]
+)
+def test_bags_need_a_package_that_no_distribution_has(arguments: list[str]) -> None:
+    code = (
+        "import sys\nsys.modules['mcap'] = None\nfrom stcalib_ros.cli import main\n"
+        f"sys.exit(main({arguments}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    said = r"stcalib: bags need the Python package mcap\S*: install it with pip install mcap\n"
+    assert (done.returncode, bool(re.fullmatch(said, done.stderr))) == (2, True), done.stderr
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -103,6 +103,11 @@ def check_interface(words: str) -> None:
 
 def check_pip(words: list[str]) -> None:
     assert words[0] == "install"
+    named = {word for word in words[1:] if re.fullmatch(r"\w+", word)}
+    if named:
+        core = (ROOT / "requirements" / "core.txt").read_text()
+        assert named <= set(re.findall(r"^\w+", core, re.MULTILINE))
+        return
     extra = re.fullmatch(r"\.(?:\[(\w+)\])?", words[1])
     assert extra
     if extra[1]:

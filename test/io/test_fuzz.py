@@ -32,6 +32,8 @@ from stcalib_ros.io.config import read_config
 from stcalib_ros.io.convert import convert_npz
 from stcalib_ros.io.datasets import DatasetOptions, read_dataset
 from stcalib_ros.io.datasets.opencv_storage import OpencvStorage
+from stcalib_ros.io.lens_files import read_lenses
+from stcalib_ros.io.plausible import require_lens
 from stcalib_ros.io.results import read_result, result_text, write_result
 from stcalib_ros.io.rigs import read_rig
 from stcalib_ros.io.stamps import corrections_of
@@ -133,6 +135,48 @@ def opencv(folder: Folder) -> Callable[[bytes], object]:
         return read_dataset("easymocap", folder, DatasetOptions())
 
     return door
+
+
+def lens_file(folder: Folder) -> Callable[[bytes], object]:
+    def door(data: bytes) -> object:
+        (folder / "lenses.txt").write_bytes(data)
+        lenses = read_lenses(folder / "lenses.txt", image_size=(640, 480))
+        for lens in lenses.values():
+            if lens.known:
+                require_lens(lens, "lens")
+        return lenses
+
+    return door
+
+
+LENSES = (
+    """
+[cam_0]
+name = "A"
+size = [ 640, 480,]
+matrix = [ [ 800.0, 0.0, 320.0,], [ 0.0, 800.0, 240.0,], [ 0.0, 0.0, 1.0,],]
+distortions = [ 0.1, -0.2, 0.001, 0.0, 0.0,]
+fisheye = false
+""",
+    """
+cam0:
+  camera_model: pinhole
+  distortion_coeffs: [0.1, -0.2, 0.001, 0.0]
+  distortion_model: radtan
+  intrinsics: [800.0, 800.0, 320.0, 240.0]
+  resolution: [640, 480]
+  rostopic: /a/image_raw
+""",
+    "# a\n1 OPENCV 640 480 800.0 800.0 320.0 240.0 0.1 -0.2 0.001 0\n2 PINHOLE 640 480 8 8 3 2\n",
+    """<?xml version="1.0"?>
+<opencv_storage>
+<K type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>d</dt>
+<data>800. 0. 320. 0. 800. 240. 0. 0. 1.</data></K>
+<image_size>640 480</image_size>
+</opencv_storage>
+""",
+    OPENCV,
+)
 
 
 def opencv_values(storage: OpencvStorage) -> list[str]:
@@ -250,6 +294,8 @@ def mutants(name: str, rng: random.Random) -> Iterator[bytes]:
         trees = [of_tree(tree, to_json, rng) for tree in (PANOPTIC, BODIES, RIG)]
         texts = [to_json(tree).encode() for tree in (PANOPTIC, BODIES, RIG)]
         return both(both(trees[0], both(trees[1], trees[2])), of_bytes(texts, rng))
+    if name == "lenses":
+        return of_bytes([text.encode() for text in LENSES], rng)
     if name == "opencv":
         return of_bytes([OPENCV.encode()], rng)
     tree: Any = {"distances": yaml.safe_load(DISTANCES)}
@@ -274,6 +320,7 @@ DOORS = {
     "npz": npz,
     "json": rig_or_data_set,
     "opencv": opencv,
+    "lenses": lens_file,
 }
 
 
@@ -313,6 +360,7 @@ def test_the_doors_take_what_is_good(tmp_path: Path) -> None:
     for name, data in good.items():
         assert taken(DOORS[name](tmp_path), data), name
     door = rig_or_data_set(tmp_path)
+    assert all(taken(lens_file(tmp_path), text.encode()) for text in LENSES[:-1])
     assert all(taken(door, json.dumps(tree).encode()) for tree in (PANOPTIC, BODIES, RIG))
     (tmp_path / "intri.yml").write_text(OPENCV)
     storage = OpencvStorage(tmp_path / "intri.yml")

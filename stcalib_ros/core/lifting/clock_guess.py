@@ -15,9 +15,9 @@ from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rejection import Remark, RemarkCode
 from stcalib_ros.core.options import Options
 
-_BY_RECEIPT = "it does not overlap with the others', by the times at which images were received"
-_BY_STARTS = "it does not overlap with the others', as if cameras had started together"
-_ASKED = "by align, as if cameras had started together"
+_BY_RECEIPT = "which overlap with no others, by the times at which images were received"
+_BY_STARTS = "which overlap with no others, as if cameras had started together"
+_ASKED = "as if cameras had started together"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -96,8 +96,8 @@ REMARKS = {
         "in between"
     ),
     RemarkCode.CLOCKS_ALIGNED: (
-        "{seconds:.3f} s were added to the stamps of {cameras} before clocks were searched within "
-        "{range_s:g} s, since {detail}: a guess, which time offsets contain; --align gives another"
+        "{seconds:.3f} s were added to the stamps of {cameras}, {detail}, before offsets were "
+        "searched within {range_s:g} s: a guess, which time offsets contain; --align gives another"
     ),
     RemarkCode.IMAGE_NOT_UPRIGHT: (
         "{camera}: people are turned by {turned_deg:.0f} degrees in its image: it hangs that way, "

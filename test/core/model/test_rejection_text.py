@@ -214,7 +214,7 @@ REMARKS = (
     ),
     (
         Remark(C.CLOCKS_ALIGNED, ("a", "b"), {"seconds": -3600.5, "range_s": 2.0}, "of x"),
-        "^-3600.500 s were added to the stamps of a, b before .* within 2 s, since of x: a guess,",
+        "^-3600.500 s were added to the stamps of a, b, of x, before .* within 2 s: a guess, which",
     ),
     (
         Remark(C.PEOPLE_OF_UNUSUAL_SIZE, (), {"ratio": 1.22}),
