@@ -88,8 +88,13 @@ def require_bag_writable(path: Path) -> None:
     Raises
     ------
     InputError
-        It cannot; a folder must not exist yet.
+        It cannot; a folder must not exist yet, and must not be named like a file of another kind.
     """
+    if _is_folder_name(path) and any(character.isalpha() for character in path.suffix):
+        raise InputError(
+            f"cannot write a bag to {path}: the name of a bag ends in .mcap, or that of a bag "
+            f"folder has no ending; name it {path.with_suffix('.mcap')}"
+        )
     if _is_folder_name(path) and path.exists():
         raise InputError(
             f"cannot write the bag folder {path}: it exists; remove it or name another"

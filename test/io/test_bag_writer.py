@@ -11,7 +11,8 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
 
-from stcalib_ros.io.bag_writer import write_bag
+from stcalib_ros.core.errors import InputError
+from stcalib_ros.io.bag_writer import require_bag_writable, write_bag
 
 
 def test_metadata_is_in_the_form_of_rosbag2(tmp_path: Path) -> None:
@@ -69,3 +70,10 @@ def test_nothing_is_left_of_an_interrupted_write(
             write_bag(bags.small_recording(), tmp_path / name)
     assert [p.name for p in tmp_path.iterdir()] == ["bag.mcap"]
     assert (tmp_path / "bag.mcap").read_text() == "old"
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "walk.bag", "walk.yaml"])
+def test_names_of_other_files_are_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match=r"ends in \.mcap, or that of a bag folder has no ending"):
+        require_bag_writable(tmp_path / name)
+    require_bag_writable(tmp_path / "walk_0.1")

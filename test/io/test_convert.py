@@ -127,6 +127,21 @@ def test_command_writes_bag_and_truth(tmp_path: Path, capsys: pytest.CaptureFixt
     assert read_result(truth).cameras[1].time_offset_s == 0.25
 
 
+def test_nothing_of_the_truth_is_needed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nor lenses or ids: an id for each pose, K of zeros."""
+    unknown = dict.fromkeys(("R", "t", "det_person", "K", "dist", "det_track"))
+    path, bag = save(tmp_path / "s.npz", source(**unknown)), tmp_path / "out.mcap"
+    assert main(["convert", str(path), str(bag)]) == 0
+    said = capsys.readouterr().out
+    assert "320 x 240 px, lens unknown" in said
+    assert said.endswith("--output out.yaml --intrinsics unknown\n")
+    for camera in read_bag(bag).cameras:
+        assert not camera.intrinsics.known
+        assert all(len(track.frames) == 1 for track in camera.tracks)
+    assert main(["convert", str(path), str(bag), "--truth", str(tmp_path / "t.yaml")]) == 2
+    assert "has no true poses of its cameras; leave it out" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("changes", "arguments", "message"),
     [
