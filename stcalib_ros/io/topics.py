@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -173,7 +174,10 @@ def _seconds(value: Any, path: str) -> float:
 
 
 def select_cameras(
-    types_by_topic: Mapping[str, str], selection: CameraSelection
+    types_by_topic: Mapping[str, str],
+    selection: CameraSelection,
+    *,
+    find_info: Callable[[str], str | None] = lambda _pose_topic: None,
 ) -> tuple[SelectedCamera, ...]:
     """Cameras of the topics that there are.
 
@@ -186,6 +190,8 @@ def select_cameras(
     types_by_topic : mapping of str to str
         Type name of every topic.
     selection : CameraSelection
+    find_info : callable, optional
+        Given a topic with poses, returns that of their CameraInfo, where no name says it.
 
     Raises
     ------
@@ -203,14 +209,13 @@ def select_cameras(
             f"no person poses of camera {', '.join(missing)}; "
             f"the bag has {_listing(types_by_topic, Content.POSES)}"
         )
+    pose_topics = {name: pose_topics[name] for name in wanted}
+    info_topics = _info_topics(types_by_topic, selection, pose_topics, find_info)
     cameras = []
-    for name in wanted:
-        own = selection.camera.get(name, CameraTopics())
-        pose_topic = pose_topics[name]
-        info_topic = own.info_topic or info_topic_of(pose_topic, types_by_topic)
-        without = own.lens.image_size is not None or own.lens.info is not None
-        if own.info_topic or not without or info_topic in types_by_topic:
-            _require_type(types_by_topic, info_topic, Content.INTRINSICS, f"camera {name}")
+    for name, pose_topic in pose_topics.items():
+        own, info_topic = selection.camera.get(name, CameraTopics()), info_topics[name]
+        if own.info_topic or not _is_known(own.lens) or info_topic in types_by_topic:
+            _require_type(types_by_topic, info_topic, Content.INTRINSICS, name)
         cameras.append(
             SelectedCamera(
                 name=name,
@@ -225,6 +230,35 @@ def select_cameras(
             )
         )
     return tuple(cameras)
+
+
+def _is_known(lens: LensSettings) -> bool:
+    """Whether the settings of a camera say what CameraInfo would."""
+    return lens.image_size is not None or lens.info is not None
+
+
+def _info_topics(
+    types_by_topic: Mapping[str, str],
+    selection: CameraSelection,
+    pose_topics: Mapping[str, str],
+    find_info: Callable[[str], str | None],
+) -> dict[str, str]:
+    """CameraInfo topics by camera: as the settings say, by their names, or as they are found.
+
+    One that is found does not serve another camera.
+    """
+    own = {name: selection.camera.get(name, CameraTopics()) for name in pose_topics}
+    named = {
+        name: own[name].info_topic or info_topic_of(pose_topic, types_by_topic)
+        for name, pose_topic in pose_topics.items()
+    }
+    found = {
+        name: find_info(pose_topics[name])
+        for name, info_topic in named.items()
+        if not (info_topic in types_by_topic or own[name].info_topic or _is_known(own[name].lens))
+    }
+    serves = Counter([*named.values(), *found.values()])
+    return named | {name: topic for name, topic in found.items() if topic and serves[topic] == 1}
 
 
 def _require_poses_of_settings(
@@ -246,12 +280,13 @@ def _pose_topics(types_by_topic: Mapping[str, str], selection: CameraSelection) 
     """Pose topics by camera name."""
     own = {n: t.pose_topic for n, t in selection.camera.items() if t.pose_topic is not None}
     for name, topic in own.items():
-        _require_type(types_by_topic, topic, Content.POSES, f"camera {name}")
+        _require_type(types_by_topic, topic, Content.POSES, name)
     ranks = pose_topic_ranks(types_by_topic)
     by_convention = [topic for topic in ranks if topic not in own.values()]
     if not own and not by_convention:
+        kinds = " or ".join(map(_with_name, types_of(Content.POSES)))
         raise InputError(
-            f"no topic of type {' or '.join(types_of(Content.POSES))}; the bag has "
+            f"no topic of type {kinds}; the bag has "
             f"{_listing(types_by_topic)}; "
             "record the pose estimator's output, or make a bag with `stcalib convert`"
         )
@@ -276,7 +311,7 @@ def _pose_topics(types_by_topic: Mapping[str, str], selection: CameraSelection) 
 
 
 def _require_type(
-    types_by_topic: Mapping[str, str], topic: str, content: Content, whose: str
+    types_by_topic: Mapping[str, str], topic: str, content: Content, camera: str
 ) -> None:
     wanted, actual = types_of(content), types_by_topic.get(topic)
     if actual in wanted:
@@ -284,10 +319,16 @@ def _require_type(
     what, key = ("CameraInfo", "info_topic") if content is Content.INTRINSICS else _POSES
     problem = "there is no such topic" if actual is None else f"its type is {actual}"
     raise InputError(
-        f"{whose}: no {what} on {topic}: {problem}; the bag has "
-        f"{_listing(types_by_topic, content)}; name its topic with camera.<name>.{key} in the "
-        "configuration"
+        f"camera {camera}: no {what} on {topic}: {problem}; the bag has "
+        f"{_listing(types_by_topic, content)}; name its topic with camera.{camera}.{key} in "
+        "the configuration"
     )
+
+
+def _with_name(kind: str) -> str:
+    """Type, and how its topics are called, where others of that type are something else."""
+    known = TYPES[kind]
+    return f"{kind} (.../{known.topics[0]})" if known.only_these else kind
 
 
 def _listing(types_by_topic: Mapping[str, str], content: Content | None = None) -> str:
