@@ -86,6 +86,8 @@ def check_ros2(words: list[str]) -> None:
         text = (ROOT / "launch" / words[2]).read_text()
         name = words[3].partition(":=")[0]
         assert re.search(rf'DeclareLaunchArgument\(\s*"{name}"', text)
+    elif words[:2] == ["bag", "record"]:  # of rosbag2, which is not here
+        assert given_options(words) <= {"-o"}
     elif words[2] in ("calibrator", "restamp"):
         assert words[1:] == [*words[1:3], "--ros-args", "--params-file", f"{words[2]}.yaml"]
     else:

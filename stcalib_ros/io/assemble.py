@@ -11,8 +11,10 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.model.recording import CameraRecording, Recording, Track, unknown_joints
+from stcalib_ros.io.keypoint_pixels import with_pixels
 from stcalib_ros.io.lens_settings import LensSettings, lens_of_settings
 from stcalib_ros.io.limits import MAX_REPEATED_IDS
+from stcalib_ros.io.message_types import NO_TRACK
 from stcalib_ros.io.messages import (
     NS,
     CameraInfoFields,
@@ -63,7 +65,8 @@ def assemble_recording(cameras: Sequence[CameraImages], *, warn: Warn) -> Record
 
     Stamps are ordered; of images with one stamp, and of persons with one track id in an image, the
     one with the higher score is kept. Both are counted and reported to `warn`. Where ids repeat in
-    most of the images with several persons, nobody tracks them, and everyone gets an own id.
+    most of the images with several persons, nobody tracks them, and everyone gets an own id, as do
+    persons without one.
 
     Raises
     ------
@@ -90,6 +93,7 @@ def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
             f"camera {camera.name}: its keypoints are of rectified images, of which the file of "
             "its lens says nothing: give camera_info YAML, which has projection_matrix"
         )
+    images = [with_pixels(image, given, camera.info_topic) for image in images]
     start, knowledge = lens_of_settings(given, camera.settings, warn, f"camera {camera.name}")
     stamps_ns = np.array([image.stamp_ns - epoch_ns for image in images], dtype=np.int64)
     return CameraRecording(
@@ -157,7 +161,7 @@ def _tracks(topic: str, images: Sequence[PoseImage], warn: Warn) -> tuple[Track,
     if not any(counts):
         return ()
     frames = np.repeat(np.arange(len(images), dtype=np.int64), counts)
-    ids: IntArray = np.concatenate([image.track_ids for image in images])
+    ids = _with_own_ids(np.concatenate([image.track_ids for image in images]))
     scores: Float64Array = np.concatenate([image.scores for image in images])
     ids, order = _by_track(topic, frames, ids, scores, warn)
     keypoints = np.concatenate([image.keypoints for image in images])
@@ -174,6 +178,18 @@ def _tracks(topic: str, images: Sequence[PoseImage], warn: Warn) -> tuple[Track,
         )
         for rows in np.split(order, starts)
     )
+
+
+def _with_own_ids(ids: IntArray) -> IntArray:
+    """Return ids in which every person whom nobody tracks has one that nobody else has.
+
+    Before they are calibrated, such persons are linked by their places.
+    """
+    untracked = ids == NO_TRACK
+    if not untracked.any():
+        return ids
+    free = np.setdiff1d(np.arange(len(ids), dtype=np.int64), ids[~untracked])
+    return np.where(untracked, free[np.cumsum(untracked) - 1], ids)
 
 
 def _by_track(

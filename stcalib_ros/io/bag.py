@@ -14,6 +14,7 @@ from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
 from stcalib_ros.io.bag_files import bag_files
 from stcalib_ros.io.bag_records import RawMessage, TopicSchema
 from stcalib_ros.io.bag_source import one_line, raw_messages, topic_schemas
+from stcalib_ros.io.info_by_frame import info_topic_by_frame
 from stcalib_ros.io.lens_settings import info_with_size
 from stcalib_ros.io.limits import MAX_UNSTAMPED
 from stcalib_ros.io.message_types import Content, decode, decode_whole, types_of
@@ -25,6 +26,7 @@ from stcalib_ros.io.messages import (
     pose_image,
     stamp_ns,
 )
+from stcalib_ros.io.person_topics import merged_images, with_person_of_topic
 from stcalib_ros.io.schemas import require_same_schema
 from stcalib_ros.io.topics import CameraSelection, SelectedCamera, select_cameras
 
@@ -50,8 +52,8 @@ def read_bag(
     path : Path or str
         ``.mcap`` or ``.db3`` file, or rosbag2 folder; packed as a whole or message by message, too.
     selection : CameraSelection, optional
-        Which cameras, in which order, and their topics. Default: every topic of type
-        ``stcalib_ros/msg/PersonPose3DArray`` with the ``camera_info`` beside it.
+        Which cameras, in which order, and their topics. Default: every topic of a type that gives
+        poses, see `stcalib_ros.io.message_types.TYPES`, with the CameraInfo in its namespace.
     progress : callable, optional
         Called with a stage and the fraction of it that is done.
     decoder : callable, optional
@@ -81,7 +83,7 @@ def read_bag(
     warn = warn or logging.getLogger(__name__).warning
     bag = _opened_bag(path, selection, warn)
     contents = _Contents(bag.cameras, decoder or decode, bag.undefined)
-    topics = frozenset(topic for c in bag.cameras for topic in (c.pose_topic, c.info_topic))
+    topics = frozenset(topic for c in bag.cameras for topic in (*c.pose_topics, c.info_topic))
     contents.collect(raw_messages(bag.files, topics), progress or _no_progress)
     if bag.undefined:
         warn(
@@ -113,7 +115,12 @@ class _Bag(NamedTuple):
 def _opened_bag(path: Path | str, selection: CameraSelection | None, warn: Warn) -> _Bag:
     files = bag_files(Path(path), warn=warn)
     schemas = topic_schemas(files)
-    cameras = select_cameras(_types_by_topic(path, schemas), selection or CameraSelection())
+    types = _types_by_topic(path, schemas)
+    cameras = select_cameras(
+        types,
+        selection or CameraSelection(),
+        find_info=lambda pose_topic: info_topic_by_frame(pose_topic, files, types),
+    )
     return _Bag(files, cameras, _undefined(schemas, cameras))
 
 
@@ -126,6 +133,7 @@ class _Contents:
         self._cameras = cameras
         self._decoder = decoder
         self._undefined = undefined
+        self._camera_topic = {topic: c.pose_topic for c in cameras for topic in c.pose_topics}
         self._images: dict[str, list[PoseImage]] = {c.pose_topic: [] for c in cameras}
         self._unstamped = dict.fromkeys(self._images, 0)
         self._infos: dict[str, tuple[CameraInfoFields, int]] = {}
@@ -137,13 +145,17 @@ class _Contents:
             if count % _PROGRESS_EVERY == 0:
                 progress(STAGE, raw.fraction)
             message = self._decoded(raw)
-            if raw.topic not in self._images:
+            if message is None:
+                continue
+            topic = self._camera_topic.get(raw.topic)
+            if topic is None:
                 self._take_info(raw, camera_info_fields(message))
             elif stamp_ns(message) == 0:
-                self._unstamped[raw.topic] += 1
+                self._unstamped[topic] += 1
             else:
+                message = with_person_of_topic(message, raw.topic, raw.type_name)
                 image = pose_image(message, topic=raw.topic)
-                self._images[raw.topic].append(replace(image, received_ns=raw.log_time))
+                self._images[topic].append(replace(image, received_ns=raw.log_time))
         progress(STAGE, 1.0)
 
     def cameras(self, path: Path | str, warn: Warn) -> list[CameraImages]:
@@ -156,6 +168,8 @@ class _Contents:
         out = []
         for camera in self._cameras:
             images = self._images[camera.pose_topic]
+            if camera.people_topics:
+                images = merged_images(images)
             if not images:
                 warn(f"camera {camera.name} is left out: no message on {camera.pose_topic}")
                 continue
@@ -237,7 +251,7 @@ def _undefined(schemas: Iterable[TopicSchema], cameras: Iterable[SelectedCamera]
     SQLite bags of Humble have no definitions, and some are not written as ros2msg. Their topics
     are returned: whether our definitions hold, the messages have to show.
     """
-    wanted = {topic for c in cameras for topic in (c.pose_topic, c.info_topic)}
+    wanted = {topic for c in cameras for topic in (*c.pose_topics, c.info_topic)}
     undefined = set()
     for s in schemas:
         if s.topic not in wanted:

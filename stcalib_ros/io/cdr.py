@@ -113,6 +113,14 @@ class CdrReader:
         """Take a ``bool``."""
         return bool(self._unpack("B", 1))
 
+    def int8(self) -> int:
+        """Take an ``int8``."""
+        return int(self._unpack("b", 1))
+
+    def int16(self) -> int:
+        """Take an ``int16``."""
+        return int(self._unpack("h", 2))
+
     def int32(self) -> int:
         """Take an ``int32``."""
         return int(self._unpack("i", 4))
@@ -124,6 +132,17 @@ class CdrReader:
     def float32(self) -> float:
         """Take a ``float32``."""
         return self._unpack("f", 4)
+
+    def count(self, least_bytes: int) -> int:
+        """Take the length of an array whose elements have at least so many bytes."""
+        count = self.uint32()
+        if count * least_bytes > self.left:
+            raise ValueError(f"an array of {count} does not fit into the message")
+        return count
+
+    def int32s(self, count: int) -> Float64Array:
+        """Take an ``int32[N]``."""
+        return self._array("i4", 4, count)
 
     def string(self) -> str:
         """Take a ``string``."""
@@ -141,9 +160,9 @@ class CdrReader:
             raise ValueError(f"{count} strings do not fit into the message")
         return [self.string() for _ in range(count)]
 
-    def float32s(self) -> Float64Array:
-        """Take a ``float32[]``."""
-        return self._array("f4", 4, self.uint32())
+    def float32s(self, fixed: int | None = None) -> Float64Array:
+        """Take a ``float32[]``, or a ``float32[N]`` of N = `fixed`."""
+        return self._array("f4", 4, self.uint32() if fixed is None else fixed)
 
     def float64s(self, fixed: int | None = None) -> Float64Array:
         """Take a ``float64[]``, or a ``float64[N]`` of N = `fixed`."""

@@ -43,6 +43,7 @@ class PoseImage:
     metric : bool
         The 3D poses are in metres.
     track_ids : (P,) ndarray of int
+        `NO_TRACK` where nobody tracks.
     scores : (P,) ndarray
         Of the persons, 0 where they were not finite.
     keypoints : (P, J, 2) ndarray of float32
@@ -51,6 +52,11 @@ class PoseImage:
         NaN where not observed; None: nobody has a 3D pose.
     joint_scores : (P, J) ndarray of float32
         0 where they were not finite.
+    project : bool
+        Keypoints are still to be projected from `joints`, see
+        `stcalib_ros.io.keypoint_pixels.with_pixels`.
+    fractions : bool
+        Keypoints are still fractions of the image.
     n_infinite : int
         Infinite values that were taken as not observed.
     received_ns : int or None
@@ -68,6 +74,8 @@ class PoseImage:
     keypoints: Float32Array
     joints: Float32Array | None
     joint_scores: Float32Array
+    project: bool = False
+    fractions: bool = False
     n_infinite: int = 0
     received_ns: int | None = None
 
@@ -104,7 +112,8 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
     Parameters
     ----------
     message : object
-        With the fields of ``stcalib_ros/msg/PersonPose3DArray``.
+        With the fields of ``stcalib_ros/msg/PersonPose3DArray``, see
+        `stcalib_ros.io.message_types.Content`.
     topic : str
         For error messages.
 
@@ -138,6 +147,8 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
         keypoints=_detected(keypoints),
         joints=None if joints is None else _observed(joints),
         joint_scores=np.where(np.isfinite(scores), scores, np.float32(0.0)),
+        project=getattr(message, "project", False),
+        fractions=getattr(message, "fractions", False),
         n_infinite=sum(
             int((np.abs(a) > MAX_COORDINATE).sum()) for a in (keypoints, joints) if a is not None
         ),

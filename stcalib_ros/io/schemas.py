@@ -12,6 +12,8 @@ import re
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.message_types import TYPES
 
+_CONSTANT = re.compile(r"[a-z]\w+ [A-Z]\w* ?=")
+
 
 def require_same_schema(topic: str, schema_name: str, text: str) -> None:
     """Compare a bag's definition of `schema_name` with ours.
@@ -67,11 +69,11 @@ def _short(type_name: str) -> str:
 
 
 def _fields(owner: str, text: str) -> list[str]:
-    """Fields of the type `owner`, their types with package."""
+    """Fields of the type `owner`, their types with package; constants are no part of a message."""
     lines = (re.sub(r"\s+", " ", line.split("#", 1)[0]).strip() for line in text.splitlines())
     package = owner.partition("/")[0]
     return [
-        re.sub(r"^(?=[A-Z]\w*[ \[])", f"{package}/", _short(re.sub(r" ?= ?", "=", line)))
+        re.sub(r"^(?=[A-Z]\w*[ \[])", f"{package}/", _short(line))
         for line in lines
-        if line
+        if line and not _CONSTANT.match(line)
     ]

@@ -13,7 +13,8 @@ import numpy as np
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.lifting.keypoint_checks import has_enough, keypoint_fault
 from stcalib_ros.core.model.rejection import Rejection
-from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage, pose_image
+from stcalib_ros.io.keypoint_pixels import with_pixels
+from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage, lens, pose_image
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.lens_follower import LensChange, LensFollower
 from stcalib_ros.ros.lens_input import DriverImage
@@ -133,6 +134,10 @@ class CameraBuffer:
         try:
             _require_pose_bounds(message, self.limits)
             image = pose_image(message, topic=self.camera.pose_topic)
+            if (image.project or image.fractions) and self.info is not None:
+                topic = self.camera.info_topic
+                given = lens(self.info, rectified=image.rectified, topic=topic)
+                image = with_pixels(image, given, topic)
             if image.stamp_ns < 0:
                 raise InputError(f"{self.camera.pose_topic}: the header stamp is negative")
         except (InputError, ValueError, TypeError) as error:

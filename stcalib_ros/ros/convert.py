@@ -25,6 +25,8 @@ from stcalib_ros.core.model.calibration import (
 from stcalib_ros.core.model.lens_knowledge import LensStddev
 from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.model.rejection_text import labelled
+from stcalib_ros.io import message_types
+from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, TYPES
 from stcalib_ros.io.messages import NS, CameraInfoFields, fields_of_lens
 from stcalib_ros.io.stamps import ClockCorrection
 from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, CameraIntrinsics, TimeOffset
@@ -52,13 +54,17 @@ def message_class(type_name: str) -> Any:
     try:
         return getattr(import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError):
+        known = TYPES.get(type_name)
+        how = f": {known.install}" if known is not None and known.install else ""
         raise InputError(
-            f"no message {type_name!r} here: install and source the package {package!r}"
+            f"no message {type_name!r} here: install and source the package {package!r}{how}"
         ) from None
 
 
 def decode(type_name: str, data: bytes) -> Any:
     """Decode a message with ROS's own deserializer; a decoder for `stcalib_ros.io.bag.read_bag`.
+
+    Messages of other packages, which need not be installed, are decoded by us.
 
     Parameters
     ----------
@@ -67,6 +73,8 @@ def decode(type_name: str, data: bytes) -> Any:
     data : bytes
         Plain CDR.
     """
+    if type_name not in (PERSON_POSES.name, CAMERA_INFO.name):
+        return message_types.decode(type_name, data)
     return deserialize_message(data, message_class(type_name))
 
 

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.model.rejection_text import sentence
 from stcalib_ros.core.monitoring.alarms import Verdict
+from stcalib_ros.io.message_types import Content, types_of
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.camera_buffer import Counts
 from stcalib_ros.ros.driver_lenses import OFF, DriverState
@@ -124,6 +125,9 @@ def publishers_of(node: Any, topic: str, wanted: str = "") -> str:
     ]
     mismatch = wanted and all(i.topic_type != wanted for i in infos)
     not_wanted = f", but nobody publishes a {wanted}" if mismatch else ""
+    others = {i.topic_type for i in infos}.intersection(types_of(Content.POSES))
+    if mismatch and wanted in types_of(Content.POSES) and others:
+        not_wanted += f"; set pose_type of this camera to {' or '.join(sorted(others))}"
     return f"{name} is published by {', '.join(described)}{not_wanted}"
 
 

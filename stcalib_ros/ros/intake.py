@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
-from stcalib_ros.io.message_types import decode
+from stcalib_ros.io.message_types import TYPES, decode
 from stcalib_ros.io.messages import NS
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Buffers
@@ -73,11 +73,11 @@ class Intake:
         return take
 
     def _decoded(self, name: str, topic: str, kind: str, data: bytes) -> SimpleNamespace | None:
-        if len(data) > self._buffers.max_bytes:
+        if len(data) > (most := self._buffers.max_bytes * TYPES[kind].bytes_factor):
             self._buffers.reject(
                 name,
                 f"{topic}: a message of {len(data)} bytes; with max_persons and max_joints as they "
-                f"are, none has more than {self._buffers.max_bytes}",
+                f"are, none has more than {most}",
             )
             return None
         try:

@@ -8,6 +8,7 @@ from typing import Any
 
 from stcalib_ros.core.options import option_ranges
 from stcalib_ros.io.limits import MAX_VIEW_DEG
+from stcalib_ros.io.message_types import PERSON_POSES
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +183,7 @@ def camera_specs(name: str) -> tuple[Spec, ...]:
             0.0,
             1e-3,
         ),
+        Spec("pose_type", PERSON_POSES.name, "Type of pose_topic, of those that are read."),
         Spec("intrinsics", "", "Of this camera; empty: as the parameter intrinsics has it."),
         Spec("lens_group", "", "Cameras of one group have one lens; empty: a lens of its own."),
         Spec(

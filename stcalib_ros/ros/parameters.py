@@ -16,6 +16,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.monitoring.alarms import Thresholds
 from stcalib_ros.core.options import Options, options_from_mapping
 from stcalib_ros.io.lens_settings import LENS_KEYS, lens_settings, require_lens_groups
+from stcalib_ros.io.message_types import TYPES, Content, types_of
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.io.yaml_files import parse_yaml
 from stcalib_ros.ros.limits import (
@@ -147,6 +148,13 @@ def _options(values: Mapping[str, Any]) -> Options:
 def _cameras(names: Iterable[str], values: Mapping[str, Any]) -> tuple[SelectedCamera, ...]:
     cameras = tuple(_camera(name, values) for name in names)
     require_lens_groups({camera.name: camera.lens for camera in cameras})
+    kinds: dict[str, str] = {}
+    for camera in cameras:
+        if (other := kinds.setdefault(camera.pose_topic, camera.pose_type)) != camera.pose_type:
+            raise InputError(
+                f"camera.{camera.name}.pose_type: {camera.pose_topic} cannot be both {other} and "
+                f"{camera.pose_type}"
+            )
     return cameras
 
 
@@ -158,7 +166,15 @@ def _camera(name: str, values: Mapping[str, Any]) -> SelectedCamera:
     size = list(values[f"{path}.image_size"])
     said["image_size"] = size if any(size) else None
     lens = lens_settings(said, path)
-    return SelectedCamera(name, pose_topic, info_topic, frame or None, line_s, lens)
+    pose_type, known = values[f"{path}.pose_type"], types_of(Content.POSES)
+    if pose_type not in known:
+        raise InputError(f"{path}.pose_type: expected {' or '.join(known)}, got {pose_type!r}")
+    if TYPES[pose_type].topic_per_person:
+        raise InputError(
+            f"{path}.pose_type: every person of {pose_type} has a topic of their own, which a node "
+            "cannot know in advance; record them, and calibrate the bag"
+        )
+    return SelectedCamera(name, pose_topic, info_topic, frame or None, line_s, lens, pose_type)
 
 
 def _folder(given: str, node_name: str) -> Path:

@@ -17,12 +17,11 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import CameraInfo
-from stcalib_ros.msg import PersonPose3DArray
 
 from stcalib_ros.io.bag_files import bag_files
 from stcalib_ros.io.bag_records import RawMessage
 from stcalib_ros.io.bag_source import raw_messages, topic_schemas
+from stcalib_ros.ros.convert import message_class
 
 TIMEOUT_S = 60.0
 KNOWN_AFTER_S = 0.3
@@ -190,9 +189,8 @@ class Client:
         `sent` is what is sent in place of a message; None: nothing.
         """
         files = bag_files(bag)
-        kinds = {"PersonPose3DArray": PersonPose3DArray, "CameraInfo": CameraInfo}
         publishers = {
-            s.topic: self.publisher(kinds[s.type_name.rpartition("/")[2]], below + s.topic)
+            s.topic: self.publisher(message_class(s.type_name), below + s.topic)
             for s in topic_schemas(files)
         }
         begin, first = time.monotonic(), None

@@ -6,7 +6,7 @@ import pytest
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.config import Config, read_config
-from stcalib_ros.io.topics import CameraSelection, CameraTopics, camera_name, select_cameras
+from stcalib_ros.io.topics import CameraSelection, CameraTopics, select_cameras
 
 
 def test_everything(tmp_path: Path) -> None:
@@ -71,18 +71,6 @@ def test_line_times_reach_the_cameras() -> None:
     assert [camera.line_time_s for camera in select_cameras(TYPES, selection)] == [2e-5]
 
 
-@pytest.mark.parametrize(
-    ("topic", "name"),
-    [
-        ("/cam0/person_poses", "cam0"),
-        ("/site/cam0/person_poses", "site/cam0"),
-        ("/person_poses", "person_poses"),
-    ],
-)
-def test_name_is_the_namespace(topic: str, name: str) -> None:
-    assert camera_name(topic) == name
-
-
 TYPES = {
     "/a/person_poses": "stcalib_ros/msg/PersonPose3DArray",
     "/a/camera_info": "sensor_msgs/msg/CameraInfo",
@@ -103,7 +91,7 @@ TYPES = {
         ),
         (
             CameraSelection(None, {"b": CameraTopics("/a/image")}),
-            r"camera b: no PersonPose3DArray on /a/image: its type is sensor_msgs/msg/Image",
+            r"camera b: no person poses on /a/image: its type is sensor_msgs/msg/Image",
         ),
         (
             CameraSelection(None, {"a": CameraTopics(None, "/lens")}),

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 from stcalib_ros.msg import CalibrationResult, PersonPose3D, PersonPose3DArray
 
+from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.core.model.camera_info import intrinsics_from_camera_info
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
@@ -25,6 +26,7 @@ from stcalib_ros.io.messages import camera_info_fields, lens, pose_image
 from stcalib_ros.ros.convert import (
     calibration_result,
     decode,
+    message_class,
     time_message,
 )
 
@@ -228,3 +230,15 @@ def test_messages_are_empty_when_nothing_is_set():
     assert PersonPose3DArray().persons == []
     assert not PersonPose3D().keypoints
     assert not CalibrationResult().extrinsics
+
+
+def test_a_package_that_is_missing_is_named_with_how_to_install_it():
+    said = r"no message 'yolo_msgs/.*: install and source the package 'yolo_msgs': clone https://"
+    with pytest.raises(InputError, match=said):
+        message_class("yolo_msgs/msg/DetectionArray")
+
+
+def test_messages_of_others_are_decoded_without_their_packages():
+    empty = bytes.fromhex("0001000001000000020000000100000000000000") + bytes(4)
+    message = decode("yolo_msgs/msg/DetectionArray", empty)
+    assert (message.header.stamp.sec, message.persons) == (1, [])

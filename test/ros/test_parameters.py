@@ -160,3 +160,19 @@ NINEFOLD = "".join(f", &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1
 def test_no_value_of_a_parameter_does_more_than_be_refused(name, value, message):
     with pytest.raises(InputError, match=message):
         settings_from(defaults() | {name: value}, node_name="/calibrator")
+
+
+def test_the_type_of_the_poses_is_one_that_is_read():
+    values = defaults() | {"camera.cam1.pose_type": "yolo_msgs/msg/DetectionArray"}
+    cameras = settings_from(values, node_name="/calibrator").cameras
+    assert [c.pose_type for c in cameras] == [CAMERA.pose_type, "yolo_msgs/msg/DetectionArray"]
+    values["camera.cam1.pose_topic"] = values["camera.cam0.pose_topic"]
+    with pytest.raises(InputError, match=r"cam1\.pose_type: /cam0/person_poses cannot be both stc"):
+        settings_from(values, node_name="/calibrator")
+    values["camera.cam1.pose_type"] = "hri_msgs/msg/Skeleton2D"
+    with pytest.raises(InputError, match=r"has a topic of their own, .* calibrate the bag"):
+        settings_from(values, node_name="/calibrator")
+    values["camera.cam1.pose_type"] = "sensor_msgs/msg/Image"
+    said = r"camera\.cam1\.pose_type: expected stcalib_ros/.* or yolo_msgs/.*, got 'sensor_msgs/"
+    with pytest.raises(InputError, match=said):
+        settings_from(values, node_name="/calibrator")

@@ -9,12 +9,18 @@ from types import SimpleNamespace
 
 from stcalib_ros.io.cdr import CdrReader
 from stcalib_ros.io.limits import MAX_PADDING_BYTES
+from stcalib_ros.io.message_types.body_markers import BODY_MARKERS
 from stcalib_ros.io.message_types.camera_info import CAMERA_INFO
+from stcalib_ros.io.message_types.hri_skeletons import HRI_SKELETONS
 from stcalib_ros.io.message_types.message_type import Content, MessageType
 from stcalib_ros.io.message_types.person_poses import PERSON_POSES
+from stcalib_ros.io.message_types.pose_content import NO_TRACK
+from stcalib_ros.io.message_types.yolo_detections import YOLO_DETECTIONS, YOLOV8_DETECTIONS
+from stcalib_ros.io.message_types.zed_bodies import ZED_BODIES, ZED_INTERFACES_BODIES
 
 __all__ = [
     "CAMERA_INFO",
+    "NO_TRACK",
     "PERSON_POSES",
     "TYPES",
     "Content",
@@ -24,8 +30,19 @@ __all__ = [
     "types_of",
 ]
 
-TYPES = {known.name: known for known in (PERSON_POSES, CAMERA_INFO)}
-"""Message types by name."""
+_KNOWN = (
+    PERSON_POSES,
+    YOLO_DETECTIONS,
+    YOLOV8_DETECTIONS,
+    ZED_BODIES,
+    ZED_INTERFACES_BODIES,
+    BODY_MARKERS,
+    HRI_SKELETONS,
+    CAMERA_INFO,
+)
+
+TYPES = {known.name: known for known in _KNOWN}
+"""Message types by name; of those that give the poses of one camera, the first serves."""
 
 
 def types_of(content: Content) -> tuple[str, ...]:
@@ -33,7 +50,7 @@ def types_of(content: Content) -> tuple[str, ...]:
     return tuple(name for name, known in TYPES.items() if known.content is content)
 
 
-def decode(type_name: str, data: bytes) -> SimpleNamespace:
+def decode(type_name: str, data: bytes) -> SimpleNamespace | None:
     """Decode a message.
 
     Parameters
@@ -45,8 +62,8 @@ def decode(type_name: str, data: bytes) -> SimpleNamespace:
 
     Returns
     -------
-    SimpleNamespace
-        With the fields that its content has, see `Content`.
+    SimpleNamespace or None
+        With the fields that its content has, see `Content`; None: it holds nothing of that kind.
 
     Raises
     ------
@@ -56,7 +73,7 @@ def decode(type_name: str, data: bytes) -> SimpleNamespace:
     return TYPES[type_name].decode(CdrReader(data))
 
 
-def decode_whole(type_name: str, data: bytes) -> SimpleNamespace:
+def decode_whole(type_name: str, data: bytes) -> SimpleNamespace | None:
     """Decode a message that the definition has to account for to its last byte.
 
     Parameters and errors are those of `decode`. A message of another definition has bytes left, or

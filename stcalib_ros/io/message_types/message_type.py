@@ -18,7 +18,8 @@ class Content(Enum):
     Attributes
     ----------
     POSES
-        The fields of ``stcalib_ros/PersonPose3DArray``.
+        The fields of ``stcalib_ros/PersonPose3DArray``; those of others have more, see
+        `stcalib_ros.io.message_types.pose_content`.
     INTRINSICS
         Those of ``sensor_msgs/CameraInfo``.
     """
@@ -50,14 +51,37 @@ class MessageType:
     dependencies : tuple of Definition
         Types of its fields, and of their fields.
     decode : callable
-        Takes the fields of a message, in the order of the definition, from a `CdrReader`.
+        Takes the fields of a message, in the order of the definition, from a `CdrReader`, and
+        returns those of its content; None: the message holds none.
+    topics : tuple of str
+        Last parts of the names of topics, of which the first that there is serves a camera.
+    only_these : bool
+        Topics of other names are something else.
+    topic_per_person : bool
+        A topic has the messages of one person, whose id is the last part of its namespace.
+    node : tuple of str
+        Last parts of namespaces that are the node's and not the camera's.
+    info_topics : tuple of str
+        Last parts of the names of CameraInfo topics, where a camera has several; the first that
+        there is serves.
+    bytes_factor : int
+        A message is at most so many times longer than one of ours with as many joints.
+    install : str
+        How its package is installed, where it is not part of ROS 2.
     """
 
     name: str
     content: Content
     definition: Callable[[], str]
     dependencies: tuple[Definition, ...]
-    decode: Callable[[CdrReader], SimpleNamespace]
+    decode: Callable[[CdrReader], SimpleNamespace | None]
+    topics: tuple[str, ...] = ()
+    only_these: bool = False
+    topic_per_person: bool = False
+    node: tuple[str, ...] = ()
+    info_topics: tuple[str, ...] = ()
+    bytes_factor: int = 1
+    install: str = ""
 
     def schema_text(self) -> str:
         """Return the definition as bags carry it: with those of the fields' types after it."""
@@ -67,6 +91,12 @@ class MessageType:
 
 TIME = Definition("builtin_interfaces/Time", lambda: "int32 sec\nuint32 nanosec\n")
 HEADER = Definition("std_msgs/Header", lambda: "builtin_interfaces/Time stamp\nstring frame_id\n")
+POINT = Definition("geometry_msgs/Point", lambda: "float64 x\nfloat64 y\nfloat64 z\n")
+VECTOR3 = Definition("geometry_msgs/Vector3", lambda: "float64 x\nfloat64 y\nfloat64 z\n")
+QUATERNION = Definition(
+    "geometry_msgs/Quaternion", lambda: "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n"
+)
+POSE = Definition("geometry_msgs/Pose", lambda: "Point position\nQuaternion orientation\n")
 
 
 def decode_header(cdr: CdrReader) -> SimpleNamespace:
