@@ -112,7 +112,7 @@ def real_lenses(case: RealCase, poses: str, knowledge: LensKnowledge) -> Section
         run_calibration(recording),
         run_calibration(
             without_lenses(recording) if sizes_only else recording,
-            Options(intrinsics=knowledge.value),
+            Options(intrinsics=knowledge.value, lens=case.lens),
         ),
     )
     given, run = (

@@ -17,6 +17,7 @@ import stcalib_ros
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.recording import CameraRecording, only_images
+from stcalib_ros.core.options import LensOptions
 from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.convert import Converted, ConvertOptions, convert_arrays
 from stcalib_ros.io.results import read_result
@@ -57,6 +58,8 @@ class RealCase:
     wrong : mapping of str to float
         Errors from which on a result with status OK counts as wrong: what no truth of these
         recordings can explain.
+    lens : LensOptions
+        Where lenses are estimated.
     """
 
     name: str
@@ -66,6 +69,7 @@ class RealCase:
     limits: Mapping[str, float]
     may_refuse: bool = False
     wrong: Mapping[str, float] = field(default_factory=lambda: {"E_R": 0.07, "offset frames": 3.0})
+    lens: LensOptions = field(default_factory=LensOptions)
 
 
 def read_demo() -> Converted:
@@ -160,13 +164,17 @@ of `desk` are what its keypoints, 9 to 19 px off, can show."""
 _FOCAL = {"E_f": 0.04}
 """Largest accepted relative error of the focal lengths of `DEMO`. From the project's requirements;
 its truth is a calibration by a board."""
-_DEMO_UNKNOWN = replace(DEMO, limits={**DEMO.limits, **_FOCAL, "E_R": 0.06})
+_ONE_MODEL = LensOptions(shared=True)
+_ASKED = {**_FOCAL, "E_R": 0.06}
 _INFORMATIVE = tuple(replace(case, limits={}, may_refuse=True) for case in KEYPOINT_CASES)
 
 REAL_LENSES: Mapping[LensKnowledge, Mapping[str, tuple[RealCase, ...]]] = {
     LensKnowledge.UNKNOWN: {
-        "3d": (_DEMO_UNKNOWN,),
-        "2d": (replace(DEMO_2D, limits={**DEMO_2D.limits, **_FOCAL, "E_R": 0.06}), *_INFORMATIVE),
+        "3d": (replace(DEMO, limits={**DEMO.limits, **_ASKED}, lens=_ONE_MODEL),),
+        "2d": (
+            replace(DEMO_2D, limits={**DEMO_2D.limits, **_ASKED}, lens=_ONE_MODEL),
+            *_INFORMATIVE,
+        ),
     },
     LensKnowledge.REFINE: {
         "3d": (replace(DEMO, limits={}),),
@@ -174,4 +182,5 @@ REAL_LENSES: Mapping[LensKnowledge, Mapping[str, tuple[RealCase, ...]]] = {
     },
 }
 """The same with lenses that are estimated. From given ones on, errors are compared with those of
-these; where none is known, recordings other than `DEMO` are for information."""
+these; where none is known, recordings other than `DEMO` are for information. The cameras of the
+demo are of one model, and said to be."""

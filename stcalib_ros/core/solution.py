@@ -31,12 +31,15 @@ from stcalib_ros.core.validation.inconsistencies import inconsistencies
 from stcalib_ros.core.validation.thresholds import DEFAULT
 from stcalib_ros.core.validation.verdict import Solution, rival_solution, unsettled_cameras
 
-_UNSTEADY = (
+_FAULTY = (
     RejectionReason.CLOCK_NOT_STEADY,
     RejectionReason.POSE_CHANGED,
     RejectionReason.PART_DISAGREES,
+    RejectionReason.IMAGE_RESIZED,
+    RejectionReason.IMAGE_TURNED,
+    RejectionReason.DISTORTION_DISAGREES,
 )
-"""Reasons for which a camera has no one pose and clock that it could be registered at."""
+"""Reasons for which a camera has no one pose, clock and lens that it could be registered at."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -283,11 +286,11 @@ def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Soluti
     if not before.sound or set(present) >= set(problem.cameras):
         return before
     views = before.views
-    unsteady = {one.name for one in before.exclusions.cameras if one.rejection.reason in _UNSTEADY}
+    faulty = {one.name for one in before.exclusions.cameras if one.rejection.reason in _FAULTY}
     found: dict[int, Resection] = {}
     mirrored: dict[int, Rejection] = {}
     for c in problem.cameras:
-        if c not in present and problem.exclusions.names[c] not in unsteady:
+        if c not in present and problem.exclusions.names[c] not in faulty:
             problem.control.tick("registration of a camera that was left out", 0.0)
             task = (views.lifted, c, views.skeleton, before.last, problem.options)
             if (one := resect(*task)) is not None:

@@ -353,6 +353,9 @@ def publication(
         J[np.ix_(translation[c], rotation[c])] = -R.T @ hat(t)
         J[np.ix_(translation[c], translation[c])] = -R.T
         J[np.ix_(rotation[c], rotation[c])] = -R.T
+        if layout.turns_reference:
+            J[np.ix_(translation[c], rotation[0])] += hat(R.T @ t)
+            J[np.ix_(rotation[c], rotation[0])] += np.eye(3)
     if middle_row is not None and LINE_DELAY in layout.further:
         offset, line = layout.scalars(TIME_OFFSET), layout.scalars(LINE_DELAY)
         J[offset, line] -= middle_row

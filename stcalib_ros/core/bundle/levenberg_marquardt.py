@@ -21,7 +21,7 @@ from stcalib_ros.core.bundle.normal_equations import (
     ReducedSystem,
 )
 from stcalib_ros.core.bundle.observations import Observations, blocks_of
-from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
+from stcalib_ros.core.bundle.parameters import WORLD_STEP, Cameras, ParameterLayout
 from stcalib_ros.core.bundle.residuals import noise_px
 from stcalib_ros.core.bundle.state import BundleState, estimate_motion
 from stcalib_ros.core.geometry.robust import CAUCHY
@@ -251,7 +251,7 @@ class PointProblem:
 
     def prior(self, cameras: Cameras) -> tuple[Float64Array, Float64Array]:
         """What was known of the lenses: weights (n,) in px^2, and deviations from it."""
-        information, deviation = self.layout.prior(cameras)
+        information, deviation = self.layout.prior(cameras, world_stddev=WORLD_STEP)
         correlated = 1.0 if cameras.lenses is None else cameras.lenses.correlated
         return correlated * (self.scale / CAUCHY) ** 2 * information, deviation
 
@@ -279,5 +279,6 @@ class PointProblem:
         )
 
     def state_of(self, before: BundleState) -> BundleState:
-        """The state, the length of the gauge exactly what it was before."""
-        return self.state.scaled(before.cameras.length() / self.cameras.length())
+        """The state in the reference frame, the length of the gauge exactly what it was before."""
+        scaled = self.state.scaled(before.cameras.length() / self.cameras.length())
+        return scaled.in_reference_frame()

@@ -168,6 +168,13 @@ TIME_OFFSET = CameraUnknown("time_offset", "s", _shifted, of_clock=True, delay=l
 CLOCK_SKEW = CameraUnknown("clock_skew", "s/s", of_clock=True, delay=lambda times: times.since_s)
 LINE_DELAY = CameraUnknown("line_delay", "s/row", relative=False, delay=lambda times: times.row)
 
+_WORLD_STDDEV = 0.1
+"""Radians. Standard deviation of the orientation of a world that nothing else holds: where all
+images are taken at the same times. Numerical: far more than adjustments turn a camera by."""
+WORLD_STEP = 0.005
+"""Radians. How far the world turns in one adjustment, about. Measured: points move in straight
+lines; with 0.1 the demo takes twice the steps, with 0.005 principal points are as accurate."""
+
 POSE_AND_CLOCK = (ROTATION, TRANSLATION, TIME_OFFSET)
 """Unknowns of every adjustment, in the order of its columns."""
 
@@ -261,9 +268,19 @@ class ParameterLayout:
         masks = (np.ones(self.n_cameras, dtype=bool),) * len(POSE_AND_CLOCK) + self.estimated
         for unknown, mask in zip(self.unknowns, masks, strict=True):
             own = mask & (not (unknown.of_clock and self.synchronised))
-            own[0] &= not unknown.relative
+            own[0] &= not unknown.relative or (unknown is ROTATION and self.turns_reference)
             chosen[:, self.within(unknown)] = own[:, None]
         return np.flatnonzero(chosen)
+
+    @property
+    def turns_reference(self) -> bool:
+        """Whether the reference camera turns against the world, by which its orientation is held.
+
+        Velocities are fixed in the world. If it could not turn, they would hold it where it is,
+        and with it the principal point, which is off as it is turned.
+        """
+        pairs = zip(self.further, self.estimated, strict=True)
+        return any(unknown.row is not None and bool(mask.any()) for unknown, mask in pairs)
 
     def estimating(self, unknown: CameraUnknown, cameras: BoolArray) -> ParameterLayout:
         """The same columns, a further unknown estimated for some cameras (C,) only."""
@@ -337,9 +354,16 @@ class ParameterLayout:
         system, steps = self._in_gauge(H, cameras)
         return propagate(steps, system.inverse())
 
-    def prior(self, cameras: Cameras) -> tuple[Float64Array, Float64Array]:
-        """What was known of the lenses: inverse variances (size,), and the unknowns' deviations."""
+    def prior(
+        self, cameras: Cameras, *, world_stddev: float = _WORLD_STDDEV
+    ) -> tuple[Float64Array, Float64Array]:
+        """What was known of the lenses: inverse variances (size,), and the unknowns' deviations.
+
+        And of the orientation of the world, so that there is one.
+        """
         information, deviation = np.zeros((2, self.size))
+        if self.turns_reference:
+            information[self.columns(ROTATION)[0]] = world_stddev**-2
         lenses = cameras.lenses
         if lenses is not None:
             known = lenses.information()

@@ -94,6 +94,15 @@ class BundleState:
         names = ("t_cam_ref", "X", "V", "A")
         return replace(self, **{name: getattr(self, name) * factor for name in names})
 
+    def in_reference_frame(self) -> BundleState:
+        """The same in the frame of the reference camera, if that has turned against it."""
+        R = self.R_cam_ref[0]
+        if np.array_equal(R, np.eye(3)):
+            return self
+        turned = {name: getattr(self, name) @ R.T for name in ("R_cam_ref", "X", "V", "A")}
+        turned["R_cam_ref"][0] = np.eye(3)
+        return replace(self, **turned)
+
     def only(self, rows: IntArray | BoolArray) -> BundleState:
         """The same with some rows only."""
         names = ("X", "V", "A", "inlier")

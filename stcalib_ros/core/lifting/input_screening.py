@@ -17,7 +17,11 @@ from stcalib_ros.core.lifting.input_values import (
     without_undetected,
 )
 from stcalib_ros.core.lifting.intrinsics_checks import intrinsics_faults
-from stcalib_ros.core.lifting.keypoint_axes import with_own_layout, with_x_before_y
+from stcalib_ros.core.lifting.keypoint_axes import (
+    turned_images,
+    with_own_layout,
+    with_x_before_y,
+)
 from stcalib_ros.core.lifting.keypoint_checks import (
     keypoint_faults,
     keypoint_remarks,
@@ -96,6 +100,7 @@ def screen_input(recording: Recording, options: Options) -> ScreenedInput:
     faults |= timed.faults
     remarks = sum((one.remarks for one in read), assumed.remarks + timed.remarks)
     remarks += keypoint_remarks(given, min_score=options.min_score)
+    remarks += turned_images(given, min_score=options.min_score)
     usable = without_people(given, faults)
     # The paper's method cannot do without 3D poses.
     needed = options.registration.method == "vmf"

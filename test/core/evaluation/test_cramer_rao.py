@@ -65,8 +65,9 @@ def image(views, c, X, lens=(0.0, 0.0, 0.0, 0.0, 0.0)):
 
 
 def published(views, d):
-    R = np.swapaxes(moved(views, d).R_cam_ref, 1, 2)
-    centre = -np.einsum("cij,cj->ci", R, moved(views, d).t_cam_ref)
+    after = moved(views, d)
+    R = after.R_cam_ref[0] @ np.swapaxes(after.R_cam_ref, 1, 2)
+    centre = -np.einsum("cij,cj->ci", R, after.t_cam_ref)
     turned = log_so3(R @ views.R_cam_ref)
     unit = np.linalg.norm(moved(views, d).t_cam_ref[1])
     return np.concatenate([centre / unit, turned, d[:, 6:]], -1).ravel()
@@ -76,17 +77,19 @@ def jacobian(f, n, step=1e-6):
     return np.stack([(f(step * e) - f(-step * e)) / (2 * step) for e in np.eye(n)], -1)
 
 
-def dense_floor(views, predicted, n_others, information=0.0, *, rates=False):
+def dense_floor(views, predicted, n_others, information=0.0, *, rates=False, turns=False):
     """The bound by one information matrix of all unknowns, the gauge fixed by its null space.
 
     Unknowns are steps of cameras (7 C), rates (C), and others; `predicted` maps them to the image
-    points in units of the noise, `information` is what is known of the others beforehand.
+    points in units of the noise, `information` is what is known of the others beforehand. The
+    reference camera may turn against the paths by 0.1 rad, if it `turns`.
     """
     C = len(views.observed)
     F = jacobian(predicted, 8 * C + n_others)
     H = F.T @ F
     H[8 * C :, 8 * C :] += information
-    held = [*range(7), 7 * C] + ([] if rates else list(range(7 * C + 1, 8 * C)))
+    H[:3, :3] += turns * np.eye(3) / 0.1**2
+    held = [*range(3 * turns, 7), 7 * C] + ([] if rates else list(range(7 * C + 1, 8 * C)))
     fixed = np.zeros((len(held) + 1, len(H)))
     fixed[range(len(held)), held] = 1.0
     cameras = Cameras(views.R_cam_ref, views.t_cam_ref, np.zeros(C))
@@ -126,7 +129,7 @@ def dense_free_points(views, *, rates=False, known=()):
 
     n_others = n_lens + 3 * len(points)
     information = np.diag(np.pad(np.tile(known, C), (0, n_others - n_lens)))
-    return dense_floor(views, predicted, n_others, information, rates=rates)
+    return dense_floor(views, predicted, n_others, information, rates=rates, turns=n_lens > 0)
 
 
 def assert_same(found: CramerRaoBound, covariance, stddev=None):

@@ -10,6 +10,7 @@ from core_helpers import tracks_changed
 
 from stcalib_ros.core.lifting.keypoint_axes import (
     disproportion,
+    turned_images,
     with_own_layout,
     with_x_before_y,
 )
@@ -85,6 +86,33 @@ def test_a_camera_on_its_side_is_left_alone(camera, turned):
     given = tracks_changed(on_its_side)(camera)
     assert with_x_before_y(given, min_score=LIMIT).remarks == ()
     assert with_x_before_y(bare(given), min_score=LIMIT).remarks == ()
+
+
+@pytest.mark.parametrize("quarters", [0, 1, 2, 3])
+def test_an_image_that_is_turned_is_named(small_scene, camera, quarters):
+    def turned(x):
+        for side in ((1080, 1920) * 2)[:quarters]:
+            x = np.stack([side - 1.0 - x[..., 1], x[..., 0]], -1)
+        return x
+
+    others = small_scene.recording.cameras[2:]
+    recording = replace(small_scene.recording, cameras=(with_keypoints(turned)(camera), *others))
+    found = [
+        (one.code, one.cameras, one.values["turned_deg"])
+        for one in turned_images(recording, min_score=LIMIT)
+    ]
+    expected = (RemarkCode.IMAGE_NOT_UPRIGHT, (camera.name,), {1: 90.0, 2: 180.0, 3: 90.0})
+    assert found == ([] if quarters == 0 else [(*expected[:2], expected[2][quarters])])
+
+
+def test_people_who_lean_in_all_directions_say_nothing(small_scene, camera, rng):
+    def scattered(track):
+        angle = rng.uniform(0.0, 2.0 * np.pi, len(track.frames))
+        R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        return replace(track, keypoints=np.einsum("abf,fjb->fja", R, track.keypoints))
+
+    below = replace(small_scene.recording, cameras=(tracks_changed(scattered)(camera),))
+    assert turned_images(below, min_score=LIMIT) == ()
 
 
 def test_the_order_of_another_layout_is_recognised(camera):

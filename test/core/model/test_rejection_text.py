@@ -225,6 +225,10 @@ REMARKS = (
         "^a: its focal length is 1.420 times the one .*, 3.5 standard deviations .*: check",
     ),
     (
+        Remark(C.IMAGE_NOT_UPRIGHT, ("a",), {"turned_deg": 180.0}),
+        "^a: people are turned by 180 degrees in its image: it hangs that way, or its image is",
+    ),
+    (
         Remark(C.LENS_DEVIATES, ("a",), {"scale": 0.951}),
         "^a: .* another lens .* `intrinsics: refine` .*; its focal length is 0.951 times as long$",
     ),

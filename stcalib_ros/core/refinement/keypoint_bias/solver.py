@@ -10,7 +10,7 @@ import numpy as np
 from stcalib_ros.core.bundle.covariance import EliminatedUnknown
 from stcalib_ros.core.bundle.normal_equations import ReducedSystem
 from stcalib_ros.core.bundle.observations import Observations
-from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
+from stcalib_ros.core.bundle.parameters import WORLD_STEP, Cameras, ParameterLayout
 from stcalib_ros.core.bundle.residuals import noise_px
 from stcalib_ros.core.bundle.state import BundleState, person_rows_of
 from stcalib_ros.core.geometry.robust import CAUCHY, LEAST_SHARE, MIN_SCALE_PX, RAYLEIGH_MEDIAN
@@ -256,7 +256,7 @@ class Problem:
         known = S[:, :, :k, :k].sum((0, 1))
         H = known - (gain @ mixed).sum((0, 1))
         g = S[:, :, :k, -1].sum((0, 1)) - np.einsum("pjkb,pjb->k", gain, gradient)
-        of_lenses, deviation = self.layout.prior(fit.cameras)
+        of_lenses, deviation = self.layout.prior(fit.cameras, world_stddev=WORLD_STEP)
         known, H = known + np.diag(of_lenses), H + np.diag(of_lenses)
         g += of_lenses * deviation
         return EliminatedBiases(ReducedSystem(H, g), known, inverse, observed, gradient, mixed)
