@@ -30,6 +30,7 @@ Find camera poses, clock offsets and identities from the people in a bag.
 The bag holds for every camera
   /<camera>/person_poses  stcalib_ros/msg/PersonPose3DArray
   /<camera>/camera_info   sensor_msgs/msg/CameraInfo
+or poses as yolo_ros, ZED, Azure Kinect or ROS4HRI publish them.
 
 Poses in OUT.yaml are T_ref_cam: the camera in the frame of the reference camera. Offsets are what
 to add to the stamps of a camera: t_ref = t_cam + time_offset_s. With a rolling shutter, row v of an

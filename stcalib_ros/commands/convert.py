@@ -60,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--format",
         choices=FORMATS,
+        metavar="NAME",
         help="what SOURCE is (default: found by its content)",
     )
     _add_source_arguments(parser)
@@ -212,6 +213,9 @@ def print_source(name: str, recording: Recording, output: Path) -> None:
             f"  {camera.name:<12} {len(camera.stamps)} images, {poses} poses "
             f"({camera.layout.name}), {len(camera.tracks)} ids, {lens}"
         )
+    if len(recording.cameras) == 1:
+        print("One camera alone cannot be calibrated: name the folder that has all of them")
+        return
     known = all(camera.intrinsics.known for camera in recording.cameras)
     unknown = "" if known else " --intrinsics unknown"
     print(f"Next: stcalib calibrate {output} --output {output.stem}.yaml{unknown}")

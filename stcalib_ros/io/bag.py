@@ -14,6 +14,7 @@ from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
 from stcalib_ros.io.bag_files import bag_files
 from stcalib_ros.io.bag_records import RawMessage, TopicSchema
 from stcalib_ros.io.bag_source import one_line, raw_messages, topic_schemas
+from stcalib_ros.io.info_by_frame import info_topic_by_frame
 from stcalib_ros.io.lens_settings import info_with_size
 from stcalib_ros.io.limits import MAX_UNSTAMPED
 from stcalib_ros.io.message_types import Content, decode, decode_whole, types_of
@@ -114,7 +115,12 @@ class _Bag(NamedTuple):
 def _opened_bag(path: Path | str, selection: CameraSelection | None, warn: Warn) -> _Bag:
     files = bag_files(Path(path), warn=warn)
     schemas = topic_schemas(files)
-    cameras = select_cameras(_types_by_topic(path, schemas), selection or CameraSelection())
+    types = _types_by_topic(path, schemas)
+    cameras = select_cameras(
+        types,
+        selection or CameraSelection(),
+        find_info=lambda pose_topic: info_topic_by_frame(pose_topic, files, types),
+    )
     return _Bag(files, cameras, _undefined(schemas, cameras))
 
 

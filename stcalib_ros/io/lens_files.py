@@ -35,7 +35,8 @@ _ENDINGS = (".yaml", ".yml", ".xml", ".toml", ".txt", ".json")
 _WHOLE = ("cameras.txt", "camera_array.toml", "intri.yml")
 """Files that have all cameras of the folder that they are in."""
 _CAMERA_INFO = {"distortion_model", "rectification_matrix", "projection_matrix", "camera_name"}
-_TOML = re.compile(r"(?:\s*#.*\n|\s*\n)*[ \t]*(\[[^\[\],]+\]\s*|[\w.-]+[ \t]*=.*)(\n|\Z)")
+_TOML = re.compile(r"\[[^\[\],]+\]|[\w.-]+\s*=.*")
+"""First line of a TOML file that is no comment: a table or a value."""
 _NO_P = (0.0,) * 12
 """P of a file that knows no rectified image: nothing is guessed for rectified keypoints."""
 _NOT_IN_NAMES = re.compile(r"\W")
@@ -170,7 +171,8 @@ def read_lens_fields(
     found: dict[str, CameraInfoFields] = {}
     for file in files:
         content = _of_file(file, image_size)
-        found |= {file.stem: next(iter(content.values()))} if len(content) == 1 else content
+        single = len(set(content.values())) == 1
+        found |= {file.stem: next(iter(content.values()))} if single else content
     return found
 
 
@@ -178,7 +180,8 @@ def _of_file(path: Path, image_size: tuple[int, int] | None) -> dict[str, Camera
     text = read_bounded(path, MAX_YAML_LENGTH)
     if is_colmap(text):
         return _without_p(colmap_lenses(path))
-    if _TOML.match(text):
+    lines = (line.strip() for line in text.splitlines())
+    if _TOML.fullmatch(next((line for line in lines if line and line[0] != "#"), "")):
         return _without_p(toml_lenses(read_toml(path), str(path)))
     try:
         storage = OpencvStorage(path)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from stcalib_ros.io.message_types import PERSON_POSES, TYPES, Content, types_of
 
@@ -86,13 +86,18 @@ def info_topic_of(pose_topic: str, types_by_topic: Mapping[str, str]) -> str:
         return beside
     while namespace.startswith(own):
         around = [topic for topic in infos if topic.startswith(f"{namespace}/")]
-        preferred = (
-            topic
-            for last in TYPES[pose_type].info_topics
-            for topic in around
-            if topic.endswith(f"/{last}")
-        )
         if around:
-            return next(preferred, around[0] if len(around) == 1 else beside)
+            return preferred_info(around, pose_type) or beside
         namespace = namespace.rpartition("/")[0]
     return beside
+
+
+def preferred_info(info_topics: Sequence[str], pose_type: str) -> str | None:
+    """Of several CameraInfo topics that which a type of poses prefers; None if it has no choice."""
+    preferred = (
+        topic
+        for last in TYPES[pose_type].info_topics
+        for topic in info_topics
+        if topic.endswith(f"/{last}")
+    )
+    return next(preferred, info_topics[0] if len(info_topics) == 1 else None)

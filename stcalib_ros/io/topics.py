@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -178,7 +179,10 @@ def _seconds(value: Any, path: str) -> float:
 
 
 def select_cameras(
-    types_by_topic: Mapping[str, str], selection: CameraSelection
+    types_by_topic: Mapping[str, str],
+    selection: CameraSelection,
+    *,
+    find_info: Callable[[str], str | None] = lambda _pose_topic: None,
 ) -> tuple[SelectedCamera, ...]:
     """Cameras of the topics that there are.
 
@@ -191,6 +195,8 @@ def select_cameras(
     types_by_topic : mapping of str to str
         Type name of every topic.
     selection : CameraSelection
+    find_info : callable, optional
+        Given a topic with poses, returns that of their CameraInfo, where no name says it.
 
     Raises
     ------
@@ -208,16 +214,14 @@ def select_cameras(
             f"no person poses of camera {', '.join(missing)}; "
             f"the bag has {_listing(types_by_topic, Content.POSES)}"
         )
-    of_file = _lenses_of_file(wanted, selection)
+    pose_topics = {name: pose_topics[name] for name in wanted}
+    lenses = _lenses(wanted, selection)
+    info_topics = _info_topics(types_by_topic, selection, pose_topics, lenses, find_info)
     cameras = []
-    for name in wanted:
-        own = selection.camera.get(name, CameraTopics())
-        pose_topic = pose_topics[name]
-        info_topic = own.info_topic or info_topic_of(pose_topic, types_by_topic)
-        lens = of_file.get(name, own.lens)
-        without = lens.image_size is not None or lens.info is not None
-        if own.info_topic or not without or info_topic in types_by_topic:
-            _require_type(types_by_topic, info_topic, Content.INTRINSICS, f"camera {name}")
+    for name, pose_topic in pose_topics.items():
+        own, info_topic = selection.camera.get(name, CameraTopics()), info_topics[name]
+        if own.info_topic or not _is_known(lenses[name]) or info_topic in types_by_topic:
+            _require_type(types_by_topic, info_topic, Content.INTRINSICS, name)
         cameras.append(
             SelectedCamera(
                 name=name,
@@ -225,7 +229,7 @@ def select_cameras(
                 info_topic=info_topic,
                 frame=own.frame,
                 line_time_s=own.line_time_s or 0.0,
-                lens=lens,
+                lens=lenses[name],
                 pose_type=types_by_topic[pose_topic],
                 info_type=types_by_topic.get(info_topic, CAMERA_INFO.name),
                 people_topics=topics_of_people(pose_topic, types_by_topic),
@@ -234,11 +238,11 @@ def select_cameras(
     return tuple(cameras)
 
 
-def _lenses_of_file(wanted: Sequence[str], selection: CameraSelection) -> dict[str, LensSettings]:
-    """Settings of the cameras that have no lens of their own, by the file that is given for all."""
-    if (file := selection.lens_file) is None:
-        return {}
+def _lenses(wanted: Sequence[str], selection: CameraSelection) -> dict[str, LensSettings]:
+    """Settings by camera; of those that have no lens of their own, by the file for all."""
     said = {name: selection.camera.get(name, CameraTopics()).lens for name in wanted}
+    if (file := selection.lens_file) is None:
+        return said
     found = fields_by_camera(file.lenses, [n for n, lens in said.items() if lens.info is None])
     if missing := [n for n in wanted if n not in found and said[n] == _NO_LENS]:
         raise InputError(
@@ -246,10 +250,40 @@ def _lenses_of_file(wanted: Sequence[str], selection: CameraSelection) -> dict[s
             f"{', '.join(file.lenses)}; give that of each camera (--intrinsics "
             f"{missing[0]}=FILE:NAME, or {missing[0]}=given for its CameraInfo)"
         )
-    return {
+    return said | {
         name: replace(said[name], info=info, knowledge=said[name].knowledge or file.knowledge)
         for name, info in found.items()
     }
+
+
+def _is_known(lens: LensSettings) -> bool:
+    """Whether the settings of a camera say what CameraInfo would."""
+    return lens.image_size is not None or lens.info is not None
+
+
+def _info_topics(
+    types_by_topic: Mapping[str, str],
+    selection: CameraSelection,
+    pose_topics: Mapping[str, str],
+    lenses: Mapping[str, LensSettings],
+    find_info: Callable[[str], str | None],
+) -> dict[str, str]:
+    """CameraInfo topics by camera: as the settings say, by their names, or as they are found.
+
+    One that is found does not serve another camera.
+    """
+    own = {name: selection.camera.get(name, CameraTopics()).info_topic for name in pose_topics}
+    named = {
+        name: own[name] or info_topic_of(pose_topic, types_by_topic)
+        for name, pose_topic in pose_topics.items()
+    }
+    found = {
+        name: find_info(pose_topics[name])
+        for name, info_topic in named.items()
+        if not (info_topic in types_by_topic or own[name] or _is_known(lenses[name]))
+    }
+    serves = Counter([*named.values(), *found.values()])
+    return named | {name: topic for name, topic in found.items() if topic and serves[topic] == 1}
 
 
 def _require_poses_of_settings(
@@ -271,12 +305,13 @@ def _pose_topics(types_by_topic: Mapping[str, str], selection: CameraSelection) 
     """Pose topics by camera name."""
     own = {n: t.pose_topic for n, t in selection.camera.items() if t.pose_topic is not None}
     for name, topic in own.items():
-        _require_type(types_by_topic, topic, Content.POSES, f"camera {name}")
+        _require_type(types_by_topic, topic, Content.POSES, name)
     ranks = pose_topic_ranks(types_by_topic)
     by_convention = [topic for topic in ranks if topic not in own.values()]
     if not own and not by_convention:
+        kinds = " or ".join(map(_with_name, types_of(Content.POSES)))
         raise InputError(
-            f"no topic of type {' or '.join(types_of(Content.POSES))}; the bag has "
+            f"no topic of type {kinds}; the bag has "
             f"{_listing(types_by_topic)}; "
             "record the pose estimator's output, or make a bag with `stcalib convert`"
         )
@@ -301,7 +336,7 @@ def _pose_topics(types_by_topic: Mapping[str, str], selection: CameraSelection) 
 
 
 def _require_type(
-    types_by_topic: Mapping[str, str], topic: str, content: Content, whose: str
+    types_by_topic: Mapping[str, str], topic: str, content: Content, camera: str
 ) -> None:
     wanted, actual = types_of(content), types_by_topic.get(topic)
     if actual in wanted:
@@ -309,10 +344,16 @@ def _require_type(
     what, key = ("CameraInfo", "info_topic") if content is Content.INTRINSICS else _POSES
     problem = "there is no such topic" if actual is None else f"its type is {actual}"
     raise InputError(
-        f"{whose}: no {what} on {topic}: {problem}; the bag has "
-        f"{_listing(types_by_topic, content)}; name its topic with camera.<name>.{key} in the "
-        "configuration"
+        f"camera {camera}: no {what} on {topic}: {problem}; the bag has "
+        f"{_listing(types_by_topic, content)}; name its topic with camera.{camera}.{key} in "
+        "the configuration"
     )
+
+
+def _with_name(kind: str) -> str:
+    """Type, and how its topics are called, where others of that type are something else."""
+    known = TYPES[kind]
+    return f"{kind} (.../{known.topics[0]})" if known.only_these else kind
 
 
 def _listing(types_by_topic: Mapping[str, str], content: Content | None = None) -> str:

@@ -79,7 +79,7 @@ class Player:
         self._publishers: dict[str, Any] = {}
         for camera in cameras:
             for topic, type_name, qos in (
-                (camera.pose_topic, camera.pose_type, reliable),
+                *((topic, camera.pose_type, reliable) for topic in camera.pose_topics),
                 (camera.info_topic, camera.info_type, latched()),
             ):
                 kind = message_class(type_name)

@@ -121,6 +121,7 @@ def write_foreign(
                 info_topic.format(camera.name),
                 CAMERA_INFO,
                 info(
+                    header=header(recording.epoch_ns, camera.frame_id),
                     width=lens.width,
                     height=lens.height,
                     k=lens.K.ravel().tolist(),

@@ -250,7 +250,11 @@ CASES: dict[str, tuple[Maker, str]] = {
     ),
     "CameraInfo elsewhere": (
         lambda folder: bags.write_bag(
-            folder / "a.mcap", [*bags.camera()[1:], ("/lens", *bags.camera()[0][1:])]
+            folder / "a.mcap",
+            [
+                *bags.camera()[1:],
+                ("/lens", bags.CAMERA_INFO, bags.info(header=bags.header(1, "lens")), 1),
+            ],
         ),
         r"the bag has sensor_msgs/msg/CameraInfo on /lens",
     ),

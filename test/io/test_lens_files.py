@@ -261,7 +261,7 @@ def test_opencv_with_several_cameras(tmp_path: Path) -> None:
 def test_a_folder_with_a_file_a_camera(tmp_path: Path) -> None:
     truth = st.simulate(st.SceneOptions(n_cameras=2, n_frames=30)).truth
     st.write_camera_info(truth, tmp_path)
-    written(tmp_path / "cam2.toml", POSE2SIM.replace("int_cam01_img", "any"))
+    written(tmp_path / "cam2.toml", POSE2SIM)
     lenses = read_lenses(tmp_path)
     assert list(lenses) == ["cam0", "cam1", "cam2"]
     np.testing.assert_array_equal(lenses["cam1"].K, truth.cameras[1].intrinsics.K)
@@ -295,6 +295,8 @@ def test_names_of_cameras(tmp_path: Path) -> None:
         ("a.yaml", "people: [1, 2]", "a.yaml has no lens, but people; lenses are read from came"),
         ("a.yaml", "", "is not a file of OpenCV's FileStorage; lenses are read from camera_info"),
         ("a.md", "# Lenses\n- [a: b", r"a\.md has no lens; lenses are read from camera_info YAML"),
+        ("a.yaml", 5000 * "\n" + "- a", "is not a file of OpenCV's FileStorage; lenses are"),
+        ("a.txt", "1 PINHOLE 640 480 8 8 3 2\n2", "camera 2: the model  cannot be used: expected"),
         ("a.yaml", "{", "is not valid YAML"),
         ("a.yaml", "&a [*a, \u0000]", "is not valid YAML"),
         ("a.xml", "<opencv_storage><K>", "is not valid XML.*; lenses are read from"),

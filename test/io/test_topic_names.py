@@ -70,7 +70,7 @@ def test_the_lens_of_another_camera_and_one_of_several_are_not_guessed(others) -
     topics = {"/site/a/yolo/tracking": YOLO} | dict.fromkeys(others, INFO)
     said = (
         r"camera site/a: no CameraInfo on /site/a/yolo/camera_info: there is no such topic; .*"
-        r"name its topic with camera\.<name>\.info_topic"
+        r"name its topic with camera\.site/a\.info_topic"
     )
     with pytest.raises(InputError, match=said):
         chosen(topics)

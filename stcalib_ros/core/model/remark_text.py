@@ -95,13 +95,13 @@ REMARKS = {
         "images near their stamps, or others are far away in time; its clock may have been set "
         "in between"
     ),
-    RemarkCode.IMAGE_NOT_UPRIGHT: (
-        "{camera}: people are turned by {turned_deg:.0f} degrees in its image: it hangs that way, "
-        "or its image is turned, as its CameraInfo has to be, too; its pose is that of the image"
-    ),
     RemarkCode.CLOCKS_ALIGNED: (
         "{seconds:.3f} s were added to the stamps of {cameras}, {detail}, before offsets were "
         "searched within {range_s:g} s: a guess, which time offsets contain; --align gives another"
+    ),
+    RemarkCode.IMAGE_NOT_UPRIGHT: (
+        "{camera}: people are turned by {turned_deg:.0f} degrees in its image: it hangs that way, "
+        "or its image is turned, as its CameraInfo has to be, too; its pose is that of the image"
     ),
     RemarkCode.LENS_HELD: (
         "{camera}: its lens stays as it was given: people's motion does not determine its focal "

@@ -65,8 +65,8 @@ def colmap_lenses(path: Path) -> dict[str, Intrinsics]:
     """
     lenses = {}
     for row in _rows(read_bounded(path, MAX_YAML_LENGTH)):
-        camera, model, *numbers = row.split()
-        lenses[camera] = _lens(model, numbers, f"{path}: camera {camera}")
+        camera, *columns = row.split()
+        lenses[camera] = _lens(columns, f"{path}: camera {camera}")
     return lenses | _by_image(path.with_name("images.txt"), lenses)
 
 
@@ -74,7 +74,8 @@ def _rows(text: str) -> Iterator[str]:
     return (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
 
 
-def _lens(model: str, numbers: list[str], what: str) -> Intrinsics:
+def _lens(columns: list[str], what: str) -> Intrinsics:
+    model, numbers = "".join(columns[:1]), columns[1:]
     if model not in _MODELS:
         raise InputError(
             f"{what}: the model {model} cannot be used: expected one of {', '.join(_MODELS)}"

@@ -156,7 +156,9 @@ def _names(root: Path, keys: Sequence[tuple[str, ...]]) -> list[str]:
     columns = list(zip(*[(*[""] * (deepest - len(key)), *key) for key in keys], strict=True))
     columns = [tuple(plain_name(part) for part in column) for column in columns]
     if len(keys) == 1:
-        return [next((part for (part,) in columns if part), plain_name(root.stem) or "cam0")]
+        (*folders, prefix) = (part for (part,) in columns)
+        above = plain_name(root.absolute().stem)
+        return [next(filter(None, (*folders, above, prefix)), "cam0")]
     telling = [column for column in columns if len(set(column)) > 1] or columns
     alone = [column for column in telling if len(set(column)) == len(keys) and all(column)]
     names = (

@@ -41,8 +41,13 @@ def read_openpose(path: Path, files: Sequence[Path]) -> PoseSource:
         A file has another form, or its name no number.
     """
     found: dict[PurePath, list[PersonInImage]]
-    found = {file: _people(file) for file in with_suffix(files, ".json")}
+    found = {file: _people(file) for file in with_suffix(files, ".json") if not _is_other(file)}
     return PoseSource(path, cameras_of_images(path, found, complete=True))
+
+
+def _is_other(file: Path) -> bool:
+    """Whether a JSON file is about something else: no image by its name, no people in it."""
+    return not any(c.isdigit() for c in file.stem) and '"people"' not in head(file)
 
 
 def _people(file: Path) -> list[PersonInImage]:

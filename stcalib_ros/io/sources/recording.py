@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.model.arrays import Float64Array, IntArray
+from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS, Layout, find_layout
 from stcalib_ros.core.model.recording import (
     CameraRecording,
@@ -164,7 +164,7 @@ def _tracks(
             f"the image, more than {MAX_KEYPOINT_PX:g}"
         )
     frames = np.searchsorted(camera.images, [pose.image for pose in camera.poses])
-    ids = _ids([pose.track for pose in camera.poses])
+    ids = _ids(frames, [pose.track for pose in camera.poses])
     rows = np.flatnonzero(known.any(1))
     rows = rows[np.lexsort((frames[rows], ids[rows]))]
     parts = np.split(rows, np.flatnonzero(np.diff(ids[rows])) + 1) if len(rows) else []
@@ -173,10 +173,13 @@ def _tracks(
     )
 
 
-def _ids(tracks: Sequence[int]) -> IntArray:
-    """Return the ids; those of nobody become new ones, each of one pose."""
+def _ids(frames: IntArray, tracks: Sequence[int]) -> IntArray:
+    """Return the ids; those of nobody, and of a second pose in an image, become new ones."""
     ids = np.array(tracks, dtype=np.int64)
-    nobody = np.flatnonzero(ids == UNTRACKED)
+    first_of_id = np.unique(np.c_[frames, ids], axis=0, return_index=True)[1]
+    nobody = np.union1d(
+        np.flatnonzero(ids == UNTRACKED), np.setdiff1d(np.arange(len(ids)), first_of_id)
+    )
     first = int(ids.max()) + 1
     if first + len(nobody) > MAX_COUNT:
         ids, first = np.unique(ids, return_inverse=True)[1].ravel(), len(np.unique(ids))
@@ -184,9 +187,7 @@ def _ids(tracks: Sequence[int]) -> IntArray:
     return ids
 
 
-def _track(i: int, frames: IntArray, points: Float64Array, known: Float64Array) -> Track:
-    """Return one person; of two poses in one image the first."""
-    frames, first = np.unique(frames, return_index=True)
-    keypoints = np.where(known[first][..., None], points[first, :, :2], np.nan)
-    scores = np.where(known[first], np.clip(points[first, :, 2], 0.0, 1.0), 0.0)
+def _track(i: int, frames: IntArray, points: Float64Array, known: BoolArray) -> Track:
+    keypoints = np.where(known[..., None], points[..., :2], np.nan)
+    scores = np.where(known, np.clip(points[..., 2], 0.0, 1.0), 0.0)
     return Track(i, frames, keypoints, unknown_joints(keypoints), scores)

@@ -82,6 +82,28 @@ def test_ids_and_times_in_names(tmp_path: Path) -> None:
         assert_read(camera, seen_by(own, "body_25", 6), tracked=True)
 
 
+def test_one_camera_alone_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = openpose(tmp_path / "op", 2) / "cam1_json"
+    (camera,) = convert(source, "--fps", "30", "--image-size", "1920x1080").cameras
+    assert camera.name == "cam1"
+    assert capsys.readouterr().out.endswith("name the folder that has all of them\n")
+
+
+def test_nobody_is_lost_where_all_have_one_id(tmp_path: Path) -> None:
+    """As of programs that write 0 for everybody; a settings file lies beside them."""
+    own = scene().cameras[0]
+    for k, people in enumerate(seen_by(own, "body_25", 6)):
+        found = [person(one, 0) for one in people]
+        write_image(tmp_path / "op" / "a" / f"{k}.json", found)
+        write_image(tmp_path / "op" / "b" / f"{k}.json", found)
+    (tmp_path / "op" / "settings.json").write_text("{}")
+    recording = convert(tmp_path / "op", "--fps", "30", "--image-size", "1920x1080")
+    for camera in recording.cameras:
+        n_poses = sum(len(track.frames) for track in camera.tracks)
+        assert n_poses == sum(map(len, seen_by(own, "body_25", 6)))
+        assert max(len(track.frames) for track in camera.tracks) == 6
+
+
 def test_cameras_and_images_are_chosen(tmp_path: Path) -> None:
     source = openpose(tmp_path / "op", 12)
     size = ["--fps", "30", "--image-size", "1920x1080"]
