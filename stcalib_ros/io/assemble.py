@@ -88,8 +88,8 @@ def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
     if n_infinite := sum(image.n_infinite for image in images):
         warn(f"{camera.pose_topic}: {n_infinite} infinite values taken as not observed")
     given = lens(camera.info, rectified=first.rectified, topic=camera.info_topic)
-    images = [with_pixels(image, given, camera.info_topic) for image in images]
     start, knowledge = lens_of_settings(given, camera.settings, warn, f"camera {camera.name}")
+    images = [with_pixels(image, start, camera.info_topic) for image in images]
     stamps_ns = np.array([image.stamp_ns - epoch_ns for image in images], dtype=np.int64)
     return CameraRecording(
         name=require_name(camera.name, f"{camera.pose_topic}: camera"),
