@@ -29,7 +29,7 @@ def test_without_a_lens_the_next_command_says_so(
 ) -> None:
     convert(openpose(tmp_path / "op", 2), "--fps", "30", "--image-size", "1920x1080")
     said = capsys.readouterr().out
-    assert "1920 x 1080 px, lens unknown" in said
+    assert "2 images, 6 poses (body_25), no ids, 1920 x 1080 px, lens unknown" in said
     assert said.endswith("--intrinsics unknown\n")
 
 
