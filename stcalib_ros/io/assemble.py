@@ -93,8 +93,8 @@ def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
             f"camera {camera.name}: its keypoints are of rectified images, of which the file of "
             "its lens says nothing: give camera_info YAML, which has projection_matrix"
         )
-    images = [with_pixels(image, given, camera.info_topic) for image in images]
     start, knowledge = lens_of_settings(given, camera.settings, warn, f"camera {camera.name}")
+    images = [with_pixels(image, start, camera.info_topic) for image in images]
     stamps_ns = np.array([image.stamp_ns - epoch_ns for image in images], dtype=np.int64)
     return CameraRecording(
         name=require_name(camera.name, f"{camera.pose_topic}: camera"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from bag_helpers import (
     CAMERA_INFO,
@@ -22,7 +23,10 @@ from foreign_messages import (
 )
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.io.bag import read_bag
+from stcalib_ros.io.messages import fields_of_lens
+from stcalib_ros.io.topics import CameraSelection
 
 KIND = "visualization_msgs/msg/MarkerArray"
 STAMPED = header(START_NS)
@@ -77,6 +81,15 @@ def test_without_a_lens_there_are_no_keypoints(tmp_path):
     bag = bag_of(tmp_path, [joint_marker(STAMPED, 504, (0.0, 0.0, 2.0))], k=[0.0] * 9)
     with pytest.raises(InputError, match="/a/depth/camera_info: the poses have no keypoints"):
         read_bag(bag)
+
+
+def test_a_lens_that_is_given_beside_the_bag_projects(tmp_path):
+    bag = bag_of(tmp_path, [joint_marker(STAMPED, 504, (1.0, 0.0, 2.0))], k=[0.0] * 9)
+    K = np.array([[500.0, 0.0, 300.0], [0.0, 500.0, 200.0], [0.0, 0.0, 1.0]])
+    given = fields_of_lens(Intrinsics(640, 480, LensModel.PLUMB_BOB, K, np.zeros(5)))
+    selection = CameraSelection().with_lens("a", info=given)
+    (track,) = read_bag(bag, selection=selection).cameras[0].tracks
+    assert track.keypoints[0, KINECT.index("left_collar")].tolist() == [550.0, 200.0]
 
 
 def test_constants_differ_between_releases_and_change_no_message(tmp_path):
