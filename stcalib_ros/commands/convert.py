@@ -209,9 +209,11 @@ def print_source(name: str, recording: Recording, output: Path) -> None:
         poses = sum(len(track.frames) for track in camera.tracks)
         size = f"{camera.intrinsics.width} x {camera.intrinsics.height} px"
         lens = size if camera.intrinsics.known else f"{size}, lens unknown"
+        tracked = 0 < len(camera.tracks) < poses
+        ids = f"{len(camera.tracks)} ids" if tracked else "no ids"
         print(
             f"  {camera.name:<12} {len(camera.stamps)} images, {poses} poses "
-            f"({camera.layout.name}), {len(camera.tracks)} ids, {lens}"
+            f"({camera.layout.name}), {ids}, {lens}"
         )
     if len(recording.cameras) == 1:
         print("One camera alone cannot be calibrated: name the folder that has all of them")

@@ -5,54 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pose_files import assert_read, convert, scene, seen_by
+from pose_writers import N, caliscope
 
 from stcalib_ros.cli import main
 
-N = 8
-FIRST_S = 47389.9
-
-
-def project(root: Path, *, old: bool = False) -> Path:
-    """Times are those of a counter; nobody is in the last image of any camera."""
-    recording = root / "recordings" / "walk"
-    tracker = recording / ("HOLISTIC" if old else "RTMPOSE_M_HALPE26")
-    tracker.mkdir(parents=True)
-    names = (
-        "port,frame_index,frame_time,point_id"
-        if old
-        else "cam_id,frame_index,frame_time,object_id,keypoint_id"
-    )
-    rows, times, lenses = [], [], []
-    for c, camera in enumerate(scene().cameras):
-        images = seen_by(camera, "blazepose_33" if old else "halpe_26", N)
-        for k, people in enumerate(images):
-            stamp = FIRST_S + 0.001 * c + k / 30
-            times.append(f"{k},{c},{stamp}")
-            for one in (people[:1] if old else people) if k < N - 1 else []:
-                for joint in np.flatnonzero(one.points.any(-1)):
-                    person = "" if old else f"{one.track},"
-                    x, y = one.points[joint, :2]
-                    rows.append(f"{k},{c},{k},{stamp},{person}{joint},{x},{y}")
-            if old and people:
-                rows.append(f"{k},{c},{k},{stamp},105,7.0,7.0")
-        lenses.append(
-            f"[cameras.{c}]\ncam_id = {c}\nsize = [1920, 1080]\nignore = false\n"
-            f"matrix = {camera.intrinsics.K.tolist()}\ndistortions = [0.0, 0.0, 0.0, 0.0, 0.0]\n"
-        )
-    table = "\n".join([f"sync_index,{names},img_loc_x,img_loc_y", *rows])
-    (tracker / f"xy_{tracker.name}.csv").write_text(table + "\n")
-    (recording / "timestamps.csv").write_text("\n".join(["sync_index,cam_id,frame_time", *times]))
-    (root / "camera_array.toml").write_text("\n".join(lenses))
-    board = root / "calibration" / "extrinsic" / "CHARUCO"
-    board.mkdir(parents=True)
-    (board / "xy_CHARUCO.csv").write_text(
-        "sync_index,cam_id,keypoint_id,img_loc_x,img_loc_y\n0,0,0,1,1\n"
-    )
-    return root
-
 
 def test_project(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    recording = convert(project(tmp_path / "p"))
+    recording = convert(caliscope(tmp_path / "p"))
     assert "Read as caliscope" in capsys.readouterr().out
     firsts = [camera.stamps[0] for camera in recording.cameras]
     np.testing.assert_allclose(np.diff(firsts), 0.001, atol=2e-6)
@@ -64,7 +23,7 @@ def test_project(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_older_releases(tmp_path: Path) -> None:
     """One person of MediaPipe, with points of hands, which are not used."""
-    recording = convert(project(tmp_path / "p", old=True) / "recordings" / "walk")
+    recording = convert(caliscope(tmp_path / "p", old=True) / "recordings" / "walk")
     for camera, own in zip(recording.cameras, scene().cameras, strict=True):
         assert camera.layout.name == "blazepose_33"
         (track,) = camera.tracks
@@ -95,7 +54,7 @@ def test_unusable(
 
 
 def test_two_trackers_are_one_too_many(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    root = project(tmp_path / "p")
+    root = caliscope(tmp_path / "p")
     (table,) = (root / "recordings").rglob("xy_*.csv")
     (table.parent / "xy_OTHER.csv").write_text(table.read_text())
     assert main(["convert", str(root), str(tmp_path / "o.mcap")]) == 2

@@ -4,43 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from pose_files import assert_read, convert, scene, seen_by
+from pose_writers import N, alphapose, coco_annotations, coco_results
 
 from stcalib_ros.cli import main
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 
 SIZE = ["--image-size", "1920x1080"]
-N = 10
-
-
-def results(c: int, layout: str, **extra: Any) -> list[dict[str, Any]]:
-    """As detectors write: only images with people; numbers begin with 0."""
-    return [
-        {
-            "image_id": f"{k}.jpg",
-            "category_id": 1,
-            "keypoints": one.points.ravel().tolist(),
-            "score": 2.5,
-            **{key: value(one.track) for key, value in extra.items()},
-        }
-        for k, people in enumerate(seen_by(scene().cameras[c], layout, N))
-        for one in people
-    ]
 
 
 @pytest.mark.parametrize("tracked", [True, False])
 def test_alphapose(tmp_path: Path, tracked: bool, capsys: pytest.CaptureFixture[str]) -> None:
-    extra = {"box": lambda _: [0, 0, 1, 1]} | ({"idx": lambda i: [i]} if tracked else {})
-    for c, camera in enumerate(scene().cameras):
-        folder = tmp_path / "ap" / camera.name
-        folder.mkdir(parents=True)
-        content = json.dumps(results(c, "halpe_26", **extra))
-        (folder / "alphapose-results.json").write_text(content)
-        (folder / "notes.json").write_text("{}")
-    recording = convert(tmp_path / "ap", "--fps", "30", *SIZE)
+    recording = convert(alphapose(tmp_path / "ap", tracked=tracked), "--fps", "30", *SIZE)
     assert "Read as alphapose" in capsys.readouterr().out
     for camera, own in zip(recording.cameras, scene().cameras, strict=True):
         assert camera.layout is LAYOUTS["halpe_26"]
@@ -51,7 +28,9 @@ def test_images_without_people_are_images(tmp_path: Path) -> None:
     """A list of results has none of them: they are those between the others."""
     for c, name in enumerate(("a", "b")):
         items = [
-            item for item in results(c, "coco_17") if item["image_id"] not in ("3.jpg", "4.jpg")
+            item
+            for item in coco_results(c, "coco_17")
+            if item["image_id"] not in ("3.jpg", "4.jpg")
         ]
         (tmp_path / "r").mkdir(exist_ok=True)
         (tmp_path / "r" / f"{name}.json").write_text(json.dumps(items))
@@ -61,24 +40,9 @@ def test_images_without_people_are_images(tmp_path: Path) -> None:
     assert_read(recording.cameras[1], expected, tracked=False)
 
 
-def test_annotations_of_all_cameras_in_a_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The size of images is known; ids are track_id; people without a keypoint are nobody."""
-    images, annotations = [], []
-    for camera in scene().cameras:
-        for k, people in enumerate(seen_by(camera, "coco_17", N)):
-            image = {"id": len(images), "file_name": f"{camera.name}/{k:06d}.jpg"}
-            images.append(image | {"width": 1920, "height": 1080})
-            annotations += [
-                {"image_id": image["id"], "track_id": i, "keypoints": points}
-                for i, points in (
-                    *((one.track, one.points.ravel().tolist()) for one in people),
-                    (99, [0] * 51),
-                )
-            ]
-    path = tmp_path / "all.json"
-    path.write_text(json.dumps({"info": {}, "images": images, "annotations": annotations}))
+def test_annotations(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Ids are track_id; people without a keypoint are nobody."""
+    path = coco_annotations(tmp_path / "all.json")
     recording = convert(path, "--fps", "30")
     assert "Read as coco" in capsys.readouterr().out
     for camera, own in zip(recording.cameras, scene().cameras, strict=True):

@@ -7,29 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pose_files import Seen, assert_read, convert, scene, seen_by
+from pose_files import assert_read, convert
+from pose_writers import N, first_person, landmarks, mediapipe_arrays
 
 from stcalib_ros.cli import main
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 
-N = 6
 NAMES = LAYOUTS["blazepose_33"].joint_names
 SIZE = ["--image-size", "1920x1080"]
-
-
-def first_person(c: int) -> list[list[Seen]]:
-    images = seen_by(scene().cameras[c], "blazepose_33", N)
-    return [[] if k == 2 else [Seen(0, people[0].points)] for k, people in enumerate(images)]
-
-
-def landmarks(c: int) -> np.ndarray:
-    """Arrays (F, 33, 4) of x, y, z and visibility, 0 to 1 across the image."""
-    out = np.full((N, 33, 4), np.nan)
-    for k, people in enumerate(first_person(c)):
-        for one in people:
-            out[k, :, :2] = one.points[:, :2] / (1920, 1080)
-            out[k, :, 2:] = np.c_[np.zeros(33), one.points[:, 2]]
-    return out
 
 
 def assert_all_read(source: Path, *arguments: str) -> None:
@@ -49,10 +34,7 @@ def assert_all_read(source: Path, *arguments: str) -> None:
 def test_arrays(
     tmp_path: Path, more: dict[str, Any], arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "mp").mkdir()
-    for c in range(3):
-        np.savez(tmp_path / "mp" / f"cam{c}.npz", landmarks=landmarks(c), **more)
-    assert_all_read(tmp_path / "mp", *arguments)
+    assert_all_read(mediapipe_arrays(tmp_path / "mp", **more), *arguments)
     assert "Read as mediapipe" in capsys.readouterr().out
 
 

@@ -2,38 +2,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
-from pose_files import Seen, assert_read, convert, scene, seen_by
+from pose_files import assert_read, convert, scene, seen_by
+from pose_writers import N, mmpose_instance, mmpose_videos
 
 from stcalib_ros.cli import main
 
 ARGUMENTS = ["--fps", "30", "--image-size", "1920x1080"]
-N = 8
-
-
-def instance(one: Seen) -> dict[str, Any]:
-    return {
-        "keypoints": one.points[:, :2].tolist(),
-        "keypoint_scores": (3 * one.points[:, 2]).tolist(),
-        "bbox": [[0, 0, 9, 9]],
-        "bbox_score": 0.9,
-    }
 
 
 @pytest.mark.parametrize("described", [True, False])
 def test_videos(tmp_path: Path, described: bool, capsys: pytest.CaptureFixture[str]) -> None:
-    """A file for each camera, with a description of the data set, as demos write, or without."""
-    (tmp_path / "mm").mkdir()
-    for camera in scene().cameras:
-        frames: Any = [
-            {"frame_id": k, "instances": [instance(one) for one in people]}
-            for k, people in enumerate(seen_by(camera, "coco_17", N))
-        ]
-        content = {"meta_info": {"name": "coco"}, "instance_info": frames} if described else frames
-        (tmp_path / "mm" / f"results_{camera.name}.json").write_text(json.dumps(content))
-    recording = convert(tmp_path / "mm", *ARGUMENTS)
+    recording = convert(mmpose_videos(tmp_path / "mm", described=described), *ARGUMENTS)
     assert "Read as mmpose" in capsys.readouterr().out
     for camera, own in zip(recording.cameras, scene().cameras, strict=True):
         assert camera.name == own.name, "what the program adds to it is taken away"
@@ -46,7 +27,7 @@ def test_images(tmp_path: Path) -> None:
     for camera in scene().cameras:
         (tmp_path / "mm" / camera.name).mkdir(parents=True)
         for k, people in enumerate(seen_by(camera, "coco_17", N)):
-            content = json.dumps([instance(one) for one in people] if k else [])
+            content = json.dumps([mmpose_instance(one) for one in people] if k else [])
             (tmp_path / "mm" / camera.name / f"{k:06d}.json").write_text(content)
     recording = convert(tmp_path / "mm", *ARGUMENTS)
     for camera, own in zip(recording.cameras, scene().cameras, strict=True):

@@ -1,35 +1,15 @@
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from pose_files import FPS, N_FRAMES, Seen, assert_read, convert, scene, seen_by, write_lenses
+from pose_files import FPS, N_FRAMES, assert_read, convert, scene, seen_by, write_lenses
+from pose_writers import openpose, openpose_person, write_openpose_image
 
 from stcalib_ros.cli import main
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.io.results import read_result
-
-
-def person(one: Seen, track: int = -1) -> dict[str, Any]:
-    flat = one.points.ravel().tolist()
-    return {"person_id": [track], "pose_keypoints_2d": flat, "face_keypoints_2d": []}
-
-
-def write_image(path: Path, people: list[dict[str, Any]]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"version": 1.3, "people": people}))
-
-
-def openpose(folder: Path, n_images: int, layout: str = "body_25") -> Path:
-    """As ``--write_json`` writes: a folder for each camera, a file for each image."""
-    for camera in scene().cameras:
-        for k, people in enumerate(seen_by(camera, layout, n_images)):
-            name = f"walk_{k:012d}_keypoints.json"
-            write_image(folder / f"{camera.name}_json" / name, [person(one) for one in people])
-    return folder
 
 
 def test_two_commands_calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -49,7 +29,7 @@ def test_without_a_lens_the_next_command_says_so(
 ) -> None:
     convert(openpose(tmp_path / "op", 2), "--fps", "30", "--image-size", "1920x1080")
     said = capsys.readouterr().out
-    assert "1920 x 1080 px, lens unknown" in said
+    assert "2 images, 6 poses (body_25), no ids, 1920 x 1080 px, lens unknown" in said
     assert said.endswith("--intrinsics unknown\n")
 
 
@@ -72,8 +52,8 @@ def test_ids_and_times_in_names(tmp_path: Path) -> None:
     for camera in cameras:
         for k, people in enumerate(seen_by(camera, "body_25", 6)):
             stamp = 1_760_000_000_000_000 + 40_000 * k
-            found = [person(one, one.track) for one in people]
-            write_image(tmp_path / "flat" / f"{camera.name}-{stamp}_keypoints.json", found)
+            found = [openpose_person(one, one.track) for one in people]
+            write_openpose_image(tmp_path / "flat" / f"{camera.name}-{stamp}_keypoints.json", found)
     recording = convert(tmp_path / "flat", "--image-size", "1920x1080")
     assert recording.epoch_ns == 1_760_000_000 * 10**9
     for camera, own in zip(recording.cameras, cameras, strict=True):
@@ -93,9 +73,9 @@ def test_nobody_is_lost_where_all_have_one_id(tmp_path: Path) -> None:
     """As of programs that write 0 for everybody; a settings file lies beside them."""
     own = scene().cameras[0]
     for k, people in enumerate(seen_by(own, "body_25", 6)):
-        found = [person(one, 0) for one in people]
-        write_image(tmp_path / "op" / "a" / f"{k}.json", found)
-        write_image(tmp_path / "op" / "b" / f"{k}.json", found)
+        found = [openpose_person(one, 0) for one in people]
+        write_openpose_image(tmp_path / "op" / "a" / f"{k}.json", found)
+        write_openpose_image(tmp_path / "op" / "b" / f"{k}.json", found)
     (tmp_path / "op" / "settings.json").write_text("{}")
     recording = convert(tmp_path / "op", "--fps", "30", "--image-size", "1920x1080")
     for camera in recording.cameras:

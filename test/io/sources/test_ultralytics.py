@@ -5,29 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pose_files import assert_read, convert, scene, seen_by
+from pose_writers import N, ultralytics
 
 from stcalib_ros.cli import main
 
 ARGUMENTS = ["--fps", "30", "--image-size", "1920x1080"]
-N = 8
 
 
 @pytest.mark.parametrize("more", ["", "conf", "id", "conf id"])
 def test_labels(tmp_path: Path, more: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """With and without confidences and ids; numbers have six digits, images begin with 1."""
-    for camera in scene().cameras:
-        folder = tmp_path / "runs" / camera.name / "labels"
-        folder.mkdir(parents=True)
-        for k, people in enumerate(seen_by(camera, "coco_17", N)):
-            lines = []
-            for one in people:
-                points = one.points / (1920, 1080, 1)
-                numbers = [0, 0.5, 0.5, 0.1, 0.2, *points.ravel()]
-                numbers += [{"conf": 0.875, "id": one.track}[word] for word in more.split()]
-                lines.append(" ".join(f"{n:g}" for n in numbers))
-            if lines and k != 4:
-                (folder / f"walk_{k + 1}.txt").write_text("\n".join(lines) + "\n")
-    recording = convert(tmp_path / "runs", *ARGUMENTS)
+    recording = convert(ultralytics(tmp_path / "runs", more), *ARGUMENTS)
     assert "Read as ultralytics" in capsys.readouterr().out
     for camera, own in zip(recording.cameras, scene().cameras, strict=True):
         expected = seen_by(own, "coco_17", N)
