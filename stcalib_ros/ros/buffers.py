@@ -64,6 +64,11 @@ class Buffers:
         with self._lock:
             self._buffers[name].add_info(message)
 
+    def heard(self, name: str) -> None:
+        """Take note that a camera sends, though not an image: some send none without a person."""
+        with self._lock:
+            self._buffers[name].heard()
+
     def reject(self, name: str, why: str) -> None:
         """Count and report a message of a camera that cannot be read at all."""
         with self._lock:

@@ -146,6 +146,10 @@ class CameraBuffer:
         self.settle()
         self._take(image, self._arrived)
 
+    def heard(self) -> None:
+        """Take note that the camera sends."""
+        self._arrived = self._clock()
+
     def reject(self, why: str) -> None:
         """Count and report a message that cannot be read."""
         self._received += 1

@@ -50,6 +50,8 @@ class Intake:
             message = self._decoded(camera.name, camera.pose_topic, camera.pose_type, data)
             if message is not None:
                 add(camera.name, message)
+            else:
+                self._buffers.heard(camera.name)
             self._meter.waited((time.time_ns() - about["received_timestamp"]) / NS)
             self._meter.held(time.perf_counter() - begin)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
@@ -174,3 +175,15 @@ def test_a_message_of_millions_of_persons_costs_nothing(intake, buffers):
     counts = buffers.counts()["cam0"]
     assert counts.received == counts.dropped + counts.images + counts.set_aside
     assert counts.dropped > 100
+
+
+def test_a_camera_that_sends_no_image_without_a_person_is_not_starved():
+    kind = "visualization_msgs/msg/MarkerArray"
+    camera = SelectedCamera("cam0", "/cam0/body_tracking_data", "/cam0/i", None, pose_type=kind)
+    buffers = Buffers([camera], Limits(), lambda _about, line: pytest.fail(line))
+    take = Intake([camera], buffers, Meter()).poses_of(camera)
+    assert math.isinf(buffers.counts()["cam0"].age_s)
+    no_markers = bytes.fromhex("0001000000000000")
+    take(no_markers, {"publication_sequence_number": 1, "received_timestamp": 0})
+    counts = buffers.counts()["cam0"]
+    assert (counts.age_s < 10.0, counts.images, counts.dropped) == (True, 0, 0)
