@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,7 @@ def bag(folder: Path, recording: Recording) -> str:
     return str(folder / "walk.mcap")
 
 
+@cache
 def recorded() -> Recording:
     return simulate(replace(SMALL, n_frames=150)).recording
 
@@ -39,15 +41,17 @@ def test_the_demo_will_calibrate_and_its_tables_fit_a_terminal(
     assert max(map(len, out.splitlines()[2:])) <= WIDTH
 
 
-def test_json_has_the_same(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["doctor", str(DEMO), "--json"]) == 0
+def test_json_has_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor", bag(tmp_path, recorded()), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["will_calibrate"] is True
-    assert found["calibrated"] == ["cam01", "cam02", "cam03", "cam04"]
-    assert [camera["layout"] for camera in found["cameras"]] == ["blazepose_33"] * 4
-    assert len(found["pairs"]) == 6
+    assert found["calibrated"] == ["cam0", "cam1", "cam2"]
+    assert found["doubtful"] == []
+    assert [camera["layout"] for camera in found["cameras"]] == ["h36m_17"] * 3
+    assert len(found["pairs"]) == 3
     assert found["cameras"][0]["lens"] == "given"
-    assert found["advice"][0]["code"] == "RECORD_LONGER"
+    assert set(found["fits"]["cam1"]) == {"fitting", "explained"}
+    assert [one["code"] for one in found["advice"]] == ["RECORD_LONGER"]
 
 
 def test_what_will_not_calibrate_ends_with_3_and_the_code(
