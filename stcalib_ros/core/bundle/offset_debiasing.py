@@ -135,8 +135,8 @@ def random_signs(obs: Observations, J: int) -> Float64Array:
 def debiased(obs: Observations, state: BundleState) -> BundleState:
     """Return a state at its optimum where it would be without noise in the velocities.
 
-    As it is where most of what is known of some offset is noise. Unknowns beyond pose and offset
-    keep their values.
+    As it is where most of what is known of some offset is noise. Lenses keep their values: along
+    what is hardly known of them, the little that noise does to offsets would move them by much.
     """
     scale = robust_scale(errors_px(obs, state), state.inlier) * CAUCHY
     if state.synchronised or not scale > CAUCHY * MIN_SCALE_PX:
@@ -144,7 +144,7 @@ def debiased(obs: Observations, state: BundleState) -> BundleState:
     noise = velocity_noise(obs, state, scale)
     moved = _with_velocities(obs, state, noise.present)
     for _ in range(_STEPS):
-        problem = PointProblem(obs, moved, scale)
+        problem = PointProblem(obs, moved, scale, moved.layout.without_lenses())
         reduced, layout = problem.reduce(0.0), problem.layout
         if noise.fraction(reduced.system, layout) > MAX_NOISE_FRACTION:
             return state
