@@ -150,7 +150,7 @@ def test_what_is_saved_is_the_calibration_in_force(client, answer, folder):
     assert said.success, said.message
     saved = (folder / "results" / "mine.yaml").read_text()
     assert saved == (folder / "results" / "calibration.000001.yaml").read_text()
-    other = client.answer(SaveCalibration, "save", path="mine.yaml", format="kalibr")
+    other = client.answer(SaveCalibration, "save", path="mine.yaml", format="sfm")
     assert (other.success, "kalibr" in other.message) == (False, True)
 
 

@@ -86,7 +86,9 @@ def test_one_camera_is_too_few(scene: Scene) -> None:
 
 
 def test_a_clock_of_another_epoch_is_named_and_the_others_calibrate(scene: Scene) -> None:
-    found = examine(changed(scene.recording, "cam1", clock_shifted(3600.0)), HALF_SECOND)
+    shifted = changed(scene.recording, "cam1", clock_shifted(3600.0))
+    assert examine(shifted, HALF_SECOND).calibrated == ("cam0", "cam1", "cam2")
+    found = examine(shifted, replace(HALF_SECOND, align="stamps"))
     assert found.calibrated == ("cam0", "cam2")
     assert [one.reason for one in found.reasons] == [RejectionReason.CLOCK_EPOCH_DIFFERS]
     assert found.cameras[1].common_fraction == 0.0
