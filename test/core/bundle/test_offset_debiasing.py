@@ -9,11 +9,16 @@ import pytest
 from bundle_helpers import STEP_S, problem
 
 from stcalib_ros.core.bundle.covariance import pose_covariance
+from stcalib_ros.core.bundle.lens_unknowns import corrections
+from stcalib_ros.core.bundle.lenses import estimated_lenses
 from stcalib_ros.core.bundle.levenberg_marquardt import PointProblem, adjust
 from stcalib_ros.core.bundle.offset_debiasing import debiased, velocity_noise
 from stcalib_ros.core.bundle.residuals import at_images
 from stcalib_ros.core.bundle.state import estimate_motion
 from stcalib_ros.core.geometry.robust import CAUCHY
+from stcalib_ros.core.model.lens_knowledge import LensPrior
+from stcalib_ros.core.model.lifted import LiftedCamera
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
 
 PHASES = np.array([0.0, 0.4, -0.4]) * STEP_S
 SCALE = 2.0 * CAUCHY
@@ -117,3 +122,22 @@ def test_a_joint_in_line_with_its_cameras_is_not_well_placed(exact):
     placed = velocity_noise(o, replace(truth, X=X, inlier=used), SCALE).present
     assert not placed[3, 2]
     assert placed.mean() > 0.9
+
+
+def test_a_lens_that_noise_would_move_by_more_than_is_known_of_it_stays(exact, monkeypatch):
+    K = np.diag([1400.0, 1400.0, 1.0])
+    lens = Intrinsics(1920, 1080, LensModel.PLUMB_BOB, K, np.zeros(5))
+    prior = LensPrior(1400.0, np.inf, (0.0, 0.0), 10.0, (0.0,), 0.2)
+    camera = LiftedCamera("a", np.zeros(1), (), intrinsics=lens, lens_prior=prior)
+    lenses = estimated_lenses([camera] * 3)
+    o = replace(noisy(exact[0], 0), lenses=lenses)
+    start = replace(exact[1], lenses=lenses)
+    state = adjust(o, start, iterations=30, tolerance=1e-3, renew_velocities=True)
+    limit = "stcalib_ros.core.bundle.offset_debiasing._MAX_LENS_DEVIATIONS"
+    monkeypatch.setattr(limit, np.inf)
+    free = debiased(o, state)
+    assert np.abs(corrections(free.cameras) - corrections(state.cameras)).max() > 1e-6
+    monkeypatch.setattr(limit, 0.0)
+    held = debiased(o, state)
+    np.testing.assert_array_equal(corrections(held.cameras), corrections(state.cameras))
+    assert np.abs(held.shift_s - state.shift_s).max() > 0.0
