@@ -7,6 +7,7 @@ import io
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 from mcap.data_stream import ReadDataStream
@@ -55,12 +56,11 @@ class McapSource:
         self._file = _ClampedFile(path)
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        try:
+        with ExitStack() as on_failure:
+            on_failure.callback(self._file.close)
             self._require_end()
             self._summary = SeekingReader(self._file).get_summary() or Summary()
-        except BaseException:
-            self._file.close()
-            raise
+            on_failure.pop_all()
         self._schemas |= self._summary.schemas
         self._channels |= self._summary.channels
 

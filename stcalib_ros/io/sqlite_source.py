@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from urllib.parse import quote
 
@@ -43,11 +44,10 @@ class SqliteSource:
         mode = "mode=ro" if path.with_name(f"{path.name}-wal").exists() else "immutable=1"
         uri = f"file:{quote(str(path.absolute()))}?{mode}"
         self._base = sqlite3.connect(uri, uri=True, check_same_thread=False)
-        try:
+        with ExitStack() as on_failure:
+            on_failure.callback(self._base.close)
             self._tables = self._tables_of(name)
-        except BaseException:
-            self._base.close()
-            raise
+            on_failure.pop_all()
 
     def close(self) -> None:
         """Close the file."""

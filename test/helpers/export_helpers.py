@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ from stcalib_ros.core.model.calibration import (
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
 from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
+from stcalib_ros.io.exports import EXPORTS, Exported, exported_files, write_files
 
 K = np.array([[801.25, 0.0, 321.5], [0.0, 799.0625, 238.75], [0.0, 0.0, 1.0]])
 PINHOLE = Intrinsics(640, 480, LensModel.PLUMB_BOB, K, np.zeros(0))
@@ -107,3 +109,13 @@ def person() -> PersonTrajectory:
     joints[4, 7] = np.nan
     stddev = np.full(joints.shape[:2], 0.01)
     return PersonTrajectory(0, layout, 0.1 * np.arange(20.0), joints, stddev)
+
+
+def written(
+    calibration: Calibration, form: str, path: Path, people: tuple[PersonTrajectory, ...] = ()
+) -> Path:
+    """Write a calibration in a format, and return where."""
+    if not EXPORTS[form].endings:
+        path.mkdir()
+    write_files(exported_files(Exported(calibration, people), EXPORTS[form], path))
+    return path
