@@ -253,6 +253,7 @@ class Calibrator:
 
     def _every_second(self) -> None:
         self._subscriptions.add_latched()
+        self._subscriptions.follow_people()
         self.in_force.save_again()
         counts = self.buffers.counts()
         self._watch(counts)

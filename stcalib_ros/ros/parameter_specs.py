@@ -23,6 +23,9 @@ class Spec:
     fixed: bool = False
 
 
+DEFAULT_POSES = "person_poses"
+"""Last part of the topic with the poses of a camera, unless another is given."""
+
 CAMERAS = Spec(
     "cameras",
     ["cam0", "cam1"],
@@ -173,7 +176,7 @@ def camera_specs(name: str) -> tuple[Spec, ...]:
     ['/cam0/person_poses', '/cam0/camera_info', '', 0.0]
     """
     specs = (
-        Spec("pose_topic", f"/{name}/person_poses", "Topic of its poses."),
+        Spec("pose_topic", f"/{name}/{DEFAULT_POSES}", "Topic of its poses."),
         Spec("info_topic", f"/{name}/camera_info", "Topic of its CameraInfo."),
         Spec("frame", "", "Its optical frame; empty: the frame_id of the poses."),
         Spec(

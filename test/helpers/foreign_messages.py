@@ -113,6 +113,16 @@ def write_foreign(
 
     ``{}`` in the topics is the name of the camera; with ``{id}`` every person has a topic.
     """
+    return write_bag(
+        path,
+        foreign_messages(recording, kind=kind, topic=topic, info_topic=info_topic, make=make),
+    )
+
+
+def foreign_messages(
+    recording: Recording, *, kind: str, topic: str, info_topic: str, make: MakeMessage
+) -> list[Message]:
+    """Return what `write_foreign` writes."""
     messages: list[Message] = []
     for camera in recording.cameras:
         lens = camera.intrinsics
@@ -138,7 +148,7 @@ def write_foreign(
                 message = make(camera, header(stamp_ns, camera.frame_id), part)
                 own = topic.format(camera.name, id=part[0].track_id if part else "")
                 messages.append((own, kind, message, stamp_ns))
-    return write_bag(path, messages)
+    return messages
 
 
 def yolo(camera: CameraRecording, stamped: dict[str, Any], persons: Persons) -> dict[str, Any]:
@@ -237,6 +247,17 @@ def hri(camera: CameraRecording, stamped: dict[str, Any], persons: Persons) -> d
             for name in HRI
         ],
     }
+
+
+def hri_ids(recording: Recording, topic: str) -> list[Message]:
+    """``hri_msgs/IdsList`` of every image."""
+    messages: list[Message] = []
+    for camera in recording.cameras:
+        for stamp, persons in zip(camera.stamps, images_of(camera), strict=True):
+            stamp_ns = recording.epoch_ns + round(stamp * 1e9)
+            message = {"header": header(stamp_ns, ""), "ids": [str(p.track_id) for p in persons]}
+            messages.append((topic.format(camera.name), "hri_msgs/msg/IdsList", message, stamp_ns))
+    return messages
 
 
 def seen_in_depth(recording: Recording) -> Recording:
