@@ -249,6 +249,60 @@ def hri(camera: CameraRecording, stamped: dict[str, Any], persons: Persons) -> d
     }
 
 
+def hiros(n_axes: int, **changes: Any) -> MakeMessage:
+    """A ``hiros_skeleton_msgs/SkeletonGroup``, sent later; two axes: in pixels."""
+
+    def make(camera: CameraRecording, stamped: dict[str, Any], persons: Persons) -> dict[str, Any]:
+        sent = stamped | {"stamp": stamped["stamp"] | {"nanosec": 7}}
+        bodies = [hiros_skeleton(stamped, seen, n_axes) | changes for seen in persons]
+        return {"header": sent, "skeletons": bodies}
+
+    return make
+
+
+def hiros_skeleton(
+    stamped: dict[str, Any],
+    seen: Seen,
+    n_axes: int,
+    named: Callable[[str], str] = str.upper,
+) -> dict[str, Any]:
+    """Markers named as LEFT_KNEE; pixels have no z."""
+    places = seen.joints if n_axes > len(("x", "y")) else seen.keypoints
+    places = {name: np.append(place, np.nan)[:3] for name, place in places.items()}
+    return {
+        "id": seen.track_id,
+        "src_time": stamped["stamp"],
+        "src_frame": stamped["frame_id"],
+        "max_markers": 32,
+        "max_links": 31,
+        "confidence": np.nan,
+        "bounding_box": {"center": at([np.nan] * 3), "height": 0.0, "length": 0.0, "width": 0.0},
+        "markers": [
+            {"id": number, "name": named(name), "confidence": 0.9, "center": at(place)}
+            for number, (name, place) in enumerate(places.items())
+        ],
+        "links": [
+            {
+                "id": 0,
+                "name": "thigh",
+                "parent_marker": 1,
+                "child_marker": 2,
+                "confidence": 0.9,
+                "center": at([np.nan] * 3),
+            }
+        ],
+    }
+
+
+def at(place: Sequence[float] | FloatArray) -> dict[str, Any]:
+    """A kinematic state of which only the place is known."""
+    unknown = dict.fromkeys("xyz", np.nan)
+    moving = {"linear": unknown, "angular": unknown}
+    position = dict(zip("xyz", map(float, place), strict=True))
+    pose = {"position": position, "orientation": unknown | {"w": np.nan}}
+    return {"pose": pose, "velocity": moving, "acceleration": moving}
+
+
 def hri_ids(recording: Recording, topic: str) -> list[Message]:
     """``hri_msgs/IdsList`` of every image."""
     messages: list[Message] = []
