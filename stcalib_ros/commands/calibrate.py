@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
     parser.add_argument(
         "--people",
         type=Path,
-        metavar="OUT.{trc,npz}",
+        metavar="OUT.{trc,npz,mcap}",
         help="also write the people in 3D, as `stcalib people` does",
     )
     parser.add_argument(

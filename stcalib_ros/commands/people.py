@@ -24,7 +24,8 @@ Triangulate the people of a bag by a calibration that there is, on the clock of 
 
 The bag is the calibrated one, or a later one of the same cameras and clocks. OUT.trc is for OpenSim
 and Pose2Sim: metres, y up, a file for each person (walk_P0.trc, ...). OUT.npz has everybody, in the
-frame and unit of the result, with standard deviations.
+frame and unit of the result, with standard deviations; OUT.mcap is a bag of PoseArray, a topic a
+person.
 
 `stcalib calibrate walk.mcap --output walk.yaml --people walk.trc` does both in one command.
 """
@@ -42,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         *("-o", "--output"),
         type=Path,
         required=True,
-        metavar="OUT.{trc,npz}",
+        metavar="OUT.{trc,npz,mcap}",
         help="file to write",
     )
     parser.add_argument(

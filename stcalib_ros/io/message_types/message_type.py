@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from types import SimpleNamespace
@@ -91,8 +91,13 @@ class MessageType:
 
     def schema_text(self) -> str:
         """Return the definition as bags carry it: with those of the fields' types after it."""
-        blocks = (f"{_SEPARATOR}\nMSG: {d.name}\n{d.text()}" for d in self.dependencies)
-        return self.definition() + "".join(blocks)
+        return schema_text(self.definition(), self.dependencies)
+
+
+def schema_text(definition: str, dependencies: Sequence[Definition]) -> str:
+    """Return a definition as bags carry it: with those of the fields' types after it."""
+    blocks = (f"{_SEPARATOR}\nMSG: {d.name}\n{d.text()}" for d in dependencies)
+    return definition + "".join(blocks)
 
 
 TIME = Definition("builtin_interfaces/Time", lambda: "int32 sec\nuint32 nanosec\n")
