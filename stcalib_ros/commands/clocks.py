@@ -50,6 +50,8 @@ def run(args: argparse.Namespace) -> None:
     ------
     InputError
         An argument or file is unusable.
+    CalibrationError
+        The result is of a calibration that was refused.
     """
     from stcalib_ros.commands.terminal import warn
     from stcalib_ros.core.capture.cuts import video_cuts

@@ -131,6 +131,8 @@ def _stamps_ns(path: Path, camera: CameraPoses, options: ConvertOptions) -> IntA
 
 def _lens(path: Path, camera: CameraPoses, given: SourceOptions) -> Intrinsics:
     lens = given.lenses.get(camera.name, camera.lens)
+    if lens is None and camera.no_lens:
+        raise InputError(f"{camera.no_lens}; give the lenses with --intrinsics FILE")
     size = given.image_size or camera.size or ((lens.width, lens.height) if lens else None)
     if size is None:
         raise InputError(
@@ -158,6 +160,11 @@ def _tracks(
         points[..., :2] *= (lens.width, lens.height)
     known = np.isfinite(points).all(-1) & (points[..., :2] != 0).any(-1)
     furthest = float(np.abs(points[known][:, :2]).max(initial=0.0))
+    if 0 < furthest <= 1 and not source.normalised:
+        raise InputError(
+            f"{source.path}: all keypoints of {camera.name} are within 1 px of the corner of the "
+            "image, as if they were fractions of it: write them in pixels"
+        )
     if furthest > MAX_KEYPOINT_PX:
         raise InputError(
             f"{source.path}: a keypoint of {camera.name} is {furthest:.6g} px from the corner of "

@@ -62,6 +62,20 @@ def test_ids_and_times_in_names(tmp_path: Path) -> None:
         assert_read(camera, seen_by(own, "body_25", 6), tracked=True)
 
 
+@pytest.mark.parametrize(("first", "side"), [(0.0, 1.0), (-1.0, 2.0)])
+def test_fractions_of_the_image_are_pixels(tmp_path: Path, first: float, side: float) -> None:
+    """As with ``--keypoint_scale`` 3 and 4, where what was not found is a corner."""
+    own = scene().cameras[0]
+    for k, people in enumerate(seen_by(own, "body_25", 4)):
+        found = []
+        for one in people:
+            points = one.points / (1920 / side, 1080 / side, 1) + (first, first, 0)
+            found.append(openpose_person(one._replace(points=points)))
+        write_openpose_image(tmp_path / "op" / "a" / f"{k}.json", found)
+    recording = convert(tmp_path / "op", "--fps", "30", "--image-size", "1920x1080")
+    assert_read(recording.cameras[0], seen_by(own, "body_25", 4), tracked=False)
+
+
 def test_one_camera_alone_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = openpose(tmp_path / "op", 2) / "cam1_json"
     (camera,) = convert(source, "--fps", "30", "--image-size", "1920x1080").cameras
