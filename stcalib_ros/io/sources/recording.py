@@ -41,6 +41,11 @@ _BY_COUNT = {
 """Layouts by the number of keypoints; the first 26 of Halpe's 136 are those of the body."""
 
 
+MAX_OUTSIDE = 0.5
+"""Fraction of a camera's keypoints that may be outside of its image; with more, the size is that of
+other images. Chosen: estimators place hidden joints of people at the edge outside, never most."""
+
+
 def recording_of_source(
     source: PoseSource, options: ConvertOptions, given: SourceOptions
 ) -> Recording:
@@ -164,6 +169,15 @@ def _tracks(
         raise InputError(
             f"{source.path}: all keypoints of {camera.name} are within 1 px of the corner of the "
             "image, as if they were fractions of it: write them in pixels"
+        )
+    outside = ((points[known][:, :2] < 0) | (points[known][:, :2] > (lens.width, lens.height))).any(
+        1
+    )
+    if len(outside) and outside.mean() > MAX_OUTSIDE:
+        raise InputError(
+            f"{source.path}: {outside.mean():.0%} of the keypoints of {camera.name} are outside of "
+            f"its image of {lens.width} x {lens.height} px, up to {furthest:.0f} px: give "
+            "the size of the images in which they were found with --image-size"
         )
     if furthest > MAX_KEYPOINT_PX:
         raise InputError(

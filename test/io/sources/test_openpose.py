@@ -76,6 +76,17 @@ def test_fractions_of_the_image_are_pixels(tmp_path: Path, first: float, side: f
     assert_read(recording.cameras[0], seen_by(own, "body_25", 4), tracked=False)
 
 
+def test_a_folder_of_two_recordings_is_noticed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("monday", "tuesday"):
+        openpose(tmp_path / "all" / name, 2)
+    convert(tmp_path / "all", "--fps", "30", "--image-size", "1920x1080")
+    said = capsys.readouterr().out
+    assert "Cameras in monday and tuesday have the same names" in said
+    assert f"convert one of them, {tmp_path / 'all' / 'monday'}\n" in said
+
+
 def test_one_camera_alone_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = openpose(tmp_path / "op", 2) / "cam1_json"
     (camera,) = convert(source, "--fps", "30", "--image-size", "1920x1080").cameras
@@ -117,7 +128,16 @@ def test_cameras_and_images_are_chosen(tmp_path: Path) -> None:
         (None, ["--cameras", "cam7"], "has no camera cam7: there are cam0, cam1, cam2"),
         (None, ["--frames", "50:60"], "cam0 has images 0 to 1, none of 50 to 60"),
         (None, ["--sigma-px", "1"], "--sigma-px is for data sets, but"),
-        (None, ["--truth", "t.yaml", "--fps", "30", "--image-size", "9x9"], "has no true poses"),
+        (
+            None,
+            ["--truth", "t.yaml", "--fps", "30", "--image-size", "1920x1080"],
+            "has no true poses",
+        ),
+        (
+            None,
+            ["--fps", "30", "--image-size", "64x48"],
+            "100% of the keypoints of cam0 are outside of its image of 64 x 48 px",
+        ),
         ('{"people": [{"pose_keypoints_2d": [1, 2]}]}', [], "is not a result of OpenPose"),
         ('{"people": [{"pose_keypoints_2d": "x"}]}', [], "is not a result of OpenPose"),
         ('{"people": 3}', [], "is not a result of OpenPose"),
