@@ -180,7 +180,7 @@ def test_a_result_that_was_refused_is_not_used(
     write_result(bad, walk / "bad.yaml")
     for words in (["people", "bad.yaml", "walk.mcap", "-o", "p.npz"], ["clocks", "bad.yaml", "w"]):
         status, said = refused(words, capsys)
-        assert status == 2
+        assert status == 3
         assert "bad.yaml is not to be used (DEGENERATE): no parallax" in said
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from stcalib_ros.commands.bag_and_truth import add_output_arguments, require_outputs, write_outputs
@@ -19,6 +20,7 @@ from stcalib_ros.io.convert import convert_arrays, has_truth
 from stcalib_ros.io.convert_options import ConvertOptions
 from stcalib_ros.io.datasets import DATASETS, DatasetOptions, read_dataset
 from stcalib_ros.io.sources import SOURCES
+from stcalib_ros.io.sources.cameras import plain_name
 
 MAX_SEED = 2**63
 """Largest seed of random numbers, as of a simulated scene."""
@@ -90,7 +92,7 @@ def run(args: argparse.Namespace) -> None:
         raise InputError(f"--truth: {args.source} has no true poses of its cameras; leave it out")
     write_outputs(args, recording, truth)
     if truth is None:
-        print_source(name, recording, args.output)
+        print_source(name, recording, args)
 
 
 def _add_dataset_arguments(parser: argparse.ArgumentParser) -> None:
@@ -140,7 +142,7 @@ def _dataset_options(args: argparse.Namespace) -> DatasetOptions:
     return DatasetOptions(**given)
 
 
-def print_source(name: str, recording: Recording, output: Path) -> None:
+def print_source(name: str, recording: Recording, args: argparse.Namespace) -> None:
     """Say what was found in a source, and what to do next."""
     print(f"Read as {name}:")
     for camera in recording.cameras:
@@ -156,9 +158,27 @@ def print_source(name: str, recording: Recording, output: Path) -> None:
     if len(recording.cameras) == 1:
         print("One camera alone cannot be calibrated: name the folder that has all of them")
         return
+    if folders := _recordings_of_the_same(args.source, [c.name for c in recording.cameras]):
+        print(
+            f"Cameras in {' and '.join(folders)} have the same names: if these are recordings of "
+            f"the same cameras, convert one of them, {args.source / folders[0]}"
+        )
+    output = args.output
     known = all(camera.intrinsics.known for camera in recording.cameras)
     unknown = "" if known else " --intrinsics unknown"
     print(f"Next: stcalib calibrate {output} --output {output.stem}.yaml{unknown}")
+
+
+def _recordings_of_the_same(source: Path, names: Sequence[str]) -> list[str]:
+    """Return folders in each of which there are the same cameras, or none if there is one."""
+    cameras: dict[str, set[str]] = {}
+    for folder in sorted(source.iterdir()) if source.is_dir() else ():
+        begin = f"{plain_name(folder.name)}_"
+        if own := {name.removeprefix(begin) for name in names if name.startswith(begin)}:
+            cameras[folder.name] = own
+    first = next(iter(cameras.values()), set())
+    same = len(cameras) > 1 and len(first) > 1 and all(own == first for own in cameras.values())
+    return list(cameras) if same else []
 
 
 def _camera_offset(text: str) -> tuple[str, float]:

@@ -56,7 +56,8 @@ def run(args: argparse.Namespace) -> None:
     InputError
         A file is unusable, or the format cannot hold the calibration or people.
     CalibrationError
-        What the bag shows does not agree with the calibration.
+        The result is of a calibration that was refused, or what the bag shows does not agree with
+        it.
     """
     calibration = read_usable_result(args.result)
     people = () if args.bag is None else _people(args, calibration)

@@ -75,7 +75,9 @@ def read_pose_files(
     if args.stamps is not None:
         poses = with_stamps(poses, args.stamps)
     names = [camera.name for camera in poses.cameras]
-    given = {} if lenses is None else lenses_of(lenses, names, image_size=args.image_size)
+    sizes = {camera.size for camera in poses.cameras}
+    size = args.image_size or (sizes.pop() if len(sizes) == 1 else None)
+    given = {} if lenses is None else lenses_of(lenses, names, image_size=size)
     poses = part_of_source(poses, None, args.frames)
     return recording_of_source(poses, options, SourceOptions(args.image_size, given))
 

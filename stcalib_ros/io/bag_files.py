@@ -49,7 +49,8 @@ def bag_files(path: Path, *, warn: Callable[[str], None] | None = None) -> tuple
         others = sorted(p.name for p in path.iterdir())
         raise InputError(
             f"{path} is not a bag: it has no {', '.join(_SUFFIXES)} files, but "
-            f"{', '.join(others[:_MOST_NAMES]) or 'nothing'}"
+            f"{', '.join(others[:_MOST_NAMES]) or 'nothing'}; `stcalib convert` makes a bag of "
+            "poses in the files of other programs"
         )
     empty = [f for f in files if not f.stat().st_size]
     if len(empty) == len(files):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.errors import CalibrationError, InputError
 from stcalib_ros.core.geometry.so3 import quaternion_from_matrix
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import (
@@ -104,11 +104,13 @@ def read_usable_result(path: Path) -> Calibration:
     Raises
     ------
     InputError
-        As `read_result`, or it is of a calibration that was refused.
+        As `read_result`.
+    CalibrationError
+        It is of a calibration that was refused.
     """
     calibration = read_result(path)
     if calibration.status is not Status.OK:
-        raise InputError(
+        raise CalibrationError(
             f"{path} is not to be used ({calibration.status.name}): {calibration.message}"
         )
     return calibration
