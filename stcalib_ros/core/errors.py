@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 _NEAR = 0.7
-"""Similarity of two words, 0..1, from which on one may be meant by the other: difflib's ratio. At its
-usual 0.6, evaluate is near to calbrate."""
+"""Similarity of two words, 0..1, from which on one may be meant by the other: the ratio of difflib.
+At its usual
+0.6, evaluate is near to calbrate."""
 
 
 class StcalibError(Exception):
