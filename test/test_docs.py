@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from stcalib_ros.cli import main
+from stcalib_ros.commands.parser import add_printing_arguments
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
 from stcalib_ros.ros.parameter_specs import all_specs
@@ -54,6 +55,8 @@ def options_of(command: str) -> set[str]:
     parser = argparse.ArgumentParser()
     package = "ros" if command in ("replay", "publish") else "commands"
     import_module(f"stcalib_ros.{package}.{command}").add_arguments(parser)
+    if package == "commands":
+        add_printing_arguments(parser)
     return {option for action in parser._actions for option in action.option_strings}
 
 

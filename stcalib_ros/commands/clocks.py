@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,7 +54,7 @@ def run(args: argparse.Namespace) -> None:
     CalibrationError
         The result is of a calibration that was refused.
     """
-    from stcalib_ros.commands.terminal import warn
+    from stcalib_ros.commands.terminal import tell, warn
     from stcalib_ros.core.capture.cuts import video_cuts
     from stcalib_ros.io.bag import read_bag
     from stcalib_ros.io.config import Config, read_config
@@ -70,7 +71,7 @@ def run(args: argparse.Namespace) -> None:
             f"--videos {unknown[0]}=...: no such camera in {args.result}; there are "
             f"{', '.join(names)}"
         )
-    print(cuts_text(cuts, videos, calibration.reference))
+    tell(args, cuts_text(cuts, videos, calibration.reference), [asdict(cut) for cut in cuts])
 
 
 def cuts_text(cuts: Sequence[VideoCut], videos: Mapping[str, Path], reference: str) -> str:

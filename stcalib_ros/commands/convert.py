@@ -6,13 +6,20 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from stcalib_ros.commands.bag_and_truth import add_output_arguments, require_outputs, write_outputs
+from stcalib_ros.commands.bag_and_truth import (
+    add_output_arguments,
+    require_outputs,
+    write_outputs,
+    written_plain,
+    written_text,
+)
 from stcalib_ros.commands.pose_file_arguments import (
     ESTIMATOR_OPTIONS,
     add_pose_file_arguments,
     refuse_options,
 )
 from stcalib_ros.commands.pose_files import format_of, read_arrays, read_pose_files
+from stcalib_ros.commands.terminal import tell
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.model.recording import Recording
@@ -91,8 +98,10 @@ def run(args: argparse.Namespace) -> None:
     if args.truth is not None and truth is None:
         raise InputError(f"--truth: {args.source} has no true poses of its cameras; leave it out")
     write_outputs(args, recording, truth)
+    text = written_text(args, recording)
     if truth is None:
-        print_source(name, recording, args)
+        text += "\n" + source_text(name, recording, args)
+    tell(args, text, {"format": name, **written_plain(args, recording)})
 
 
 def _add_dataset_arguments(parser: argparse.ArgumentParser) -> None:
@@ -142,31 +151,32 @@ def _dataset_options(args: argparse.Namespace) -> DatasetOptions:
     return DatasetOptions(**given)
 
 
-def print_source(name: str, recording: Recording, args: argparse.Namespace) -> None:
+def source_text(name: str, recording: Recording, args: argparse.Namespace) -> str:
     """Say what was found in a source, and what to do next."""
-    print(f"Read as {name}:")
+    lines = [f"Read as {name}:"]
     for camera in recording.cameras:
         poses = sum(len(track.frames) for track in camera.tracks)
         size = f"{camera.intrinsics.width} x {camera.intrinsics.height} px"
         lens = size if camera.intrinsics.known else f"{size}, lens unknown"
         tracked = 0 < len(camera.tracks) < poses
         ids = f"{len(camera.tracks)} ids" if tracked else "no ids"
-        print(
+        lines.append(
             f"  {camera.name:<12} {len(camera.stamps)} images, {poses} poses "
             f"({camera.layout.name}), {ids}, {lens}"
         )
     if len(recording.cameras) == 1:
-        print("One camera alone cannot be calibrated: name the folder that has all of them")
-        return
+        lines.append("One camera alone cannot be calibrated: name the folder that has all of them")
+        return "\n".join(lines)
     if folders := _recordings_of_the_same(args.source, [c.name for c in recording.cameras]):
-        print(
+        lines.append(
             f"Cameras in {' and '.join(folders)} have the same names: if these are recordings of "
             f"the same cameras, convert one of them, {args.source / folders[0]}"
         )
     output = args.output
     known = all(camera.intrinsics.known for camera in recording.cameras)
     unknown = "" if known else " --intrinsics unknown"
-    print(f"Next: stcalib calibrate {output} --output {output.stem}.yaml{unknown}")
+    lines.append(f"Next: stcalib calibrate {output} --output {output.stem}.yaml{unknown}")
+    return "\n".join(lines)
 
 
 def _recordings_of_the_same(source: Path, names: Sequence[str]) -> list[str]:

@@ -62,16 +62,14 @@ def run(args: argparse.Namespace) -> None:
     CalibrationError
         It will not calibrate.
     """
-    from stcalib_ros.commands.doctor_text import diagnosis_json, diagnosis_text, verdict
+    from stcalib_ros.commands.doctor_text import diagnosis_plain, diagnosis_text, verdict
+    from stcalib_ros.commands.terminal import tell
     from stcalib_ros.core.diagnosis.examine import examine
 
     warnings: list[str] = []
     what, recording, config = _read_source(args, warnings.append)
     found = examine(recording, config.options)
-    if args.json:
-        print(diagnosis_json(found, warnings))
-    else:
-        print(diagnosis_text(found, what, warnings))
+    tell(args, diagnosis_text(found, what, warnings), diagnosis_plain(found, warnings))
     if found.unusable:
         raise InputError(found.unusable)
     if not found.will_calibrate:

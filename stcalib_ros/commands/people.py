@@ -61,6 +61,7 @@ def run(args: argparse.Namespace) -> None:
     CalibrationError
         What the bag shows does not agree with the calibration.
     """
+    from stcalib_ros.commands.terminal import tell
     from stcalib_ros.io.people_files import require_people_writable
     from stcalib_ros.io.results import read_usable_result
 
@@ -68,8 +69,17 @@ def run(args: argparse.Namespace) -> None:
     calibration = read_usable_result(args.result)
     recording, found = captured(args, calibration)
     written = write(calibration, found.people, recording, args.output)
-    print(f"Keypoints that fit: {_shares(found)}; {found.reprojection_rms_px:.2f} px (rms)")
-    print(people_text(found.people, calibration, written))
+    fit = f"Keypoints that fit: {_shares(found)}; {found.reprojection_rms_px:.2f} px (rms)"
+    tell(
+        args,
+        f"{fit}\n{people_text(found.people, calibration, written)}",
+        {
+            "written": [str(path) for path in written],
+            "people": [person.person_id for person in found.people],
+            "keypoints_that_fit": dict(found.explained),
+            "reprojection_rms_px": found.reprojection_rms_px,
+        },
+    )
 
 
 def captured(args: argparse.Namespace, calibration: Calibration) -> tuple[Recording, Capture]:

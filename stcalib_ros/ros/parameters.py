@@ -7,12 +7,11 @@ import re
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.errors import InputError, did_you_mean
 from stcalib_ros.core.monitoring.alarms import Thresholds
 from stcalib_ros.core.options import Options, options_from_mapping
 from stcalib_ros.io.lens_settings import LENS_KEYS, lens_settings, require_lens_groups
@@ -246,9 +245,8 @@ def require_known(node: Any) -> None:
         if not node.has_parameter(name) and not name.startswith(_QOS_OVERRIDES)
     ]
     if unknown:
-        near = get_close_matches(unknown[0], node.get_parameters_by_prefix(""))
-        hint = f"did you mean {' or '.join(near)}?" if near else "see `ros2 param list`"
-        raise InputError(f"unknown parameter {unknown[0]}: {hint}")
+        near = did_you_mean(unknown[0], node.get_parameters_by_prefix(""))
+        raise InputError(f"unknown parameter {unknown[0]}{near or ': see `ros2 param list`'}")
 
 
 def declared(node: Any, spec: Spec) -> Any:
