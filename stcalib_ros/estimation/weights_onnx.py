@@ -8,7 +8,6 @@ gives the same bytes each time. Whole numbers have 64 bits throughout, as shapes
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,12 +31,31 @@ _END = 2**31 - 1
 _KINDS = {"DT_FLOAT": TensorProto.FLOAT, "DT_INT32": TensorProto.INT64, "DT_BOOL": TensorProto.BOOL}
 
 _SAME_NAME = {
-    **{"AddV2": "Add", "Sub": "Sub", "Mul": "Mul", "RealDiv": "Div", "FloorDiv": "Div"},
-    **{"Maximum": "Max", "Minimum": "Min", "Less": "Less", "Greater": "Greater"},
-    **{"GreaterEqual": "GreaterOrEqual", "Equal": "Equal", "LogicalAnd": "And", "Abs": "Abs"},
-    **{"Sigmoid": "Sigmoid", "Exp": "Exp", "Reciprocal": "Reciprocal", "Identity": "Identity"},
-    **{"AddN": "Sum", "Shape": "Shape", "Size": "Size", "Range": "Range", "Reshape": "Reshape"},
-    **{"Tile": "Tile", "GatherNd": "GatherND", "Select": "Where"},
+    "AddV2": "Add",
+    "Sub": "Sub",
+    "Mul": "Mul",
+    "RealDiv": "Div",
+    "FloorDiv": "Div",
+    "Maximum": "Max",
+    "Minimum": "Min",
+    "Less": "Less",
+    "Greater": "Greater",
+    "GreaterEqual": "GreaterOrEqual",
+    "Equal": "Equal",
+    "LogicalAnd": "And",
+    "Abs": "Abs",
+    "Sigmoid": "Sigmoid",
+    "Exp": "Exp",
+    "Reciprocal": "Reciprocal",
+    "Identity": "Identity",
+    "AddN": "Sum",
+    "Shape": "Shape",
+    "Size": "Size",
+    "Range": "Range",
+    "Reshape": "Reshape",
+    "Tile": "Tile",
+    "GatherNd": "GatherND",
+    "Select": "Where",
 }
 """Operations that take the same inputs in both; divisions of whole numbers are of positive ones."""
 
@@ -275,7 +293,10 @@ def _sum(builder: _Builder, node: TfjsNode) -> None:
 def _strided_slice(builder: _Builder, node: TfjsNode) -> None:
     """Part of an array, as in ``x[1:, 0, newaxis]``; masks have a bit for each of the indices."""
     begin, end, strides = (builder.value(name).tolist() for name in node.inputs[1:])
-    starts, ends, squeezed, new = [], [], [], []
+    starts: list[int] = []
+    ends: list[int] = []
+    squeezed: list[int] = []
+    new: list[int] = []
     for k, (low, high) in enumerate(zip(begin, end, strict=True)):
 
         def masked(name: str, bit: int = 1 << k) -> bool:
@@ -312,13 +333,20 @@ def _strided_slice(builder: _Builder, node: TfjsNode) -> None:
 _CONVERTERS: dict[str, Callable[[_Builder, TfjsNode], None]] = {
     **dict.fromkeys(("_FusedConv2D", "Conv2D"), _convolution),
     **dict.fromkeys(("FusedDepthwiseConv2dNative", "DepthwiseConv2dNative"), _convolution),
-    **{"MaxPool": _max_pool, "ResizeBilinear": _resize, "Cast": _cast, "Sum": _sum, "Max": _max},
-    **{"SquaredDifference": _squared_difference, "Squeeze": _squeeze, "ExpandDims": _expand_dims},
-    **{"Pack": _pack, "Unpack": _unpack, "Split": _split, "ConcatV2": _concat, "Fill": _fill},
-    **{"TopKV2": _top_k, "ArgMax": _arg_max, "StridedSlice": _strided_slice},
+    "MaxPool": _max_pool,
+    "ResizeBilinear": _resize,
+    "Cast": _cast,
+    "Sum": _sum,
+    "Max": _max,
+    "SquaredDifference": _squared_difference,
+    "Squeeze": _squeeze,
+    "ExpandDims": _expand_dims,
+    "Pack": _pack,
+    "Unpack": _unpack,
+    "Split": _split,
+    "ConcatV2": _concat,
+    "Fill": _fill,
+    "TopKV2": _top_k,
+    "ArgMax": _arg_max,
+    "StridedSlice": _strided_slice,
 }
-
-
-def write_onnx(graph: TfjsGraph, output: str, path: Path) -> None:
-    """Convert a graph to a file of ONNX, as `to_onnx` does."""
-    path.write_bytes(to_onnx(graph, output))
