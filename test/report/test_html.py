@@ -147,7 +147,7 @@ def test_refused_without_poses(report_scene: Scene) -> None:
     assert stages.calibration.status is Status.INSUFFICIENT_DATA
     page = Page(report_html(recording, stages))
     assert "Refused: not enough data" in page.text
-    assert "at least two that see the same people" in page.text
+    assert "record two or more that see the same people" in page.text
     assert "There are no poses" in page.text
     assert len(page.sources) == 1
 
