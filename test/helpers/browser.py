@@ -9,6 +9,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -31,6 +32,16 @@ _FLAGS = (
     "--remote-debugging-pipe",
 )
 
+_LAUNCHER = """\
+import os, sys
+from fcntl import F_DUPFD, fcntl
+pipes = [fcntl(int(number), F_DUPFD, 10) for number in sys.argv[1:3]]
+for pipe, number in zip(pipes, (3, 4)):
+    os.dup2(pipe, number)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
+"""Gives the browser its two pipes under the numbers that it expects."""
+
 
 class Browser:
     """One page in a browser of its own.
@@ -49,10 +60,9 @@ class Browser:
         self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         theirs_in, self._out = os.pipe()
         self._in, theirs_out = os.pipe()
-        redirect = f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}'
-        command = ["sh", "-c", redirect, "sh", CHROMIUM, *_FLAGS]
+        launcher = [sys.executable, "-c", _LAUNCHER, str(theirs_in), str(theirs_out)]
         self._process = subprocess.Popen(
-            [*command, f"--user-data-dir={self._folder.name}"],
+            [*launcher, CHROMIUM, *_FLAGS, f"--user-data-dir={self._folder.name}"],
             pass_fds=(theirs_in, theirs_out),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -173,6 +183,8 @@ class Browser:
         params: dict[str, Any] = {"captureBeyondViewport": selector is None}
         if selector is not None:
             place = self.box(selector)
+            place["x"] += self.value("scrollX")  # of the page, not of the screen
+            place["y"] += self.value("scrollY")
             params["clip"] = {k: place[k] for k in ("x", "y", "width", "height")} | {"scale": 1}
         png = base64.b64decode(self.call("Page.captureScreenshot", format="png", **params)["data"])
         if save is not None:

@@ -41,7 +41,7 @@
   controls.panSpeed = 0.6;
   controls.minDistance = size / 20;
   controls.maxDistance = size * 8;
-  controls.dynamicDampingFactor = 0.18;
+  controls.dynamicDampingFactor = 0.35;
   controls.staticMoving = calm;
   controls.keys = ["", "", ""];
 
