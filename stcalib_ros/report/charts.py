@@ -92,21 +92,22 @@ def chart(
     y: Axis,
     *,
     marks: Sequence[Mark] = (),
-    note: str = "",
+    names: Sequence[tuple[str, str]] = (),
 ) -> str:
-    """Return a chart as markup; all texts are plain."""
+    """Return a chart as markup; all texts are plain, `names` those of lines with their colours."""
     paths = [_tick_lines(x, y), *(_path(line, x, y) for line in lines)]
     paths += [_upright(mark, x) for mark in marks]
     labels = [_label("x", tick, float(x.place(tick)), x.ticks()) for tick in x.ticks()]
     labels += [_label("y", tick, 1.0 - float(y.place(tick)), y.ticks()) for tick in y.ticks()]
     labels += [_mark_label(mark, x, k) for k, mark in enumerate(marks)]
-    footer = f"<p class=faint>{escape(note)}</p>" if note else ""
+    legend = " ".join(f'<b style="color:{color}">{escape(name)}</b>' for name, color in names)
     return (
         f'<figure class="chart"><figcaption>{escape(title)}</figcaption>\n'
-        f'<p class="axis">{escape(y.name)}</p><div class="plot">'
+        + (f'<p class="axis names">{legend}</p>' if legend else "")
+        + f'<p class="axis">{escape(y.name)}</p><div class="plot">'
         f'<svg viewBox="0 0 {_WIDTH:.0f} {_HEIGHT:.0f}" preserveAspectRatio="none" role="img" '
         f'aria-label="{escape(title)}">{"".join(paths)}</svg>{"".join(labels)}</div>\n'
-        f'<p class="axis across">{escape(x.name)}</p>{footer}</figure>'
+        f'<p class="axis across">{escape(x.name)}</p></figure>'
     )
 
 

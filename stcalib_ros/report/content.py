@@ -28,6 +28,8 @@ class ReportContent:
     calibration : Calibration
     evidence : CaptureEvidence or None
         None without camera poses, or where nobody is seen by two cameras at a time.
+    people : tuple of PersonTrajectory
+        Everybody's joints in 3D, numbered as the persons of the calibration.
     options : Options
         That it was made with, as far as known.
     truth : Calibration or None
@@ -40,20 +42,10 @@ class ReportContent:
     recording: Recording
     calibration: Calibration
     evidence: CaptureEvidence | None
+    people: tuple[PersonTrajectory, ...] = ()
     options: Options = field(default_factory=Options)
     truth: Calibration | None = None
     from_result: bool = False
-
-    def people(self) -> tuple[PersonTrajectory, ...]:
-        """Return everybody's joints in 3D, numbered as the persons of the calibration."""
-        if self.evidence is None:
-            return ()
-        people = self.evidence.trajectories()
-        if not self.from_result:
-            return people
-        numbers = _numbers(self.evidence, self.calibration.persons)
-        pairs = zip(people, numbers, strict=True)
-        return tuple(replace(person, person_id=number) for person, number in pairs)
 
 
 def _numbers(evidence: CaptureEvidence, persons: Sequence[PersonAssociation]) -> list[int]:
@@ -81,8 +73,9 @@ def content_of_stages(
 ) -> ReportContent:
     """Return the content of the report of a calibration that has just been made."""
     evidence = evidence_of(stages)
+    people = evidence.trajectories() if evidence is not None else ()
     options = options or Options()
-    return ReportContent(recording, stages.calibration, evidence, options, truth)
+    return ReportContent(recording, stages.calibration, evidence, people, options, truth)
 
 
 def content_of_result(
@@ -98,7 +91,12 @@ def content_of_result(
     options = options or Options()
     recording = _with_lenses(recording, calibration)
     evidence = find_evidence(recording, calibration, options) if calibration.cameras else None
-    return ReportContent(recording, calibration, evidence, options, from_result=True)
+    people: tuple[PersonTrajectory, ...] = ()
+    if evidence is not None:
+        numbers = _numbers(evidence, calibration.persons)
+        pairs = zip(evidence.trajectories(), numbers, strict=True)
+        people = tuple(replace(person, person_id=number) for person, number in pairs)
+    return ReportContent(recording, calibration, evidence, people, options, from_result=True)
 
 
 def _with_lenses(recording: Recording, calibration: Calibration) -> Recording:

@@ -65,7 +65,7 @@ def liveliest_movement(content: ReportContent, room: Room) -> Movement | None:
         return None
     names = [camera.name for camera in calibration.cameras if camera.name in evidence.names]
     all_rows = person_rows(evidence.lifted, evidence.last)
-    for person, rows in zip(content.people(), all_rows, strict=True):
+    for person, rows in zip(content.people, all_rows, strict=True):
         sights = _sights(evidence, names, room, rows)
         for j, joint in enumerate(evidence.skeleton.layout.joint_names):
             if not any(limb in joint for limb in _LIMBS):

@@ -82,7 +82,7 @@ def _drawn(content: ReportContent) -> Mapping[str, Callable[[ReportContent], Fig
 
 
 def _overview(content: ReportContent) -> Figure:
-    room = make_room(content.calibration, content.people(), content.truth)
+    room = make_room(content.calibration, content.people, content.truth)
     movement = liveliest_movement(content, room)
     return overview_figure(room, movement, title=_title(content.calibration))
 

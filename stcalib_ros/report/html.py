@@ -13,6 +13,7 @@ from stcalib_ros.report.content import ReportContent
 from stcalib_ros.report.fits import camera_fits
 from stcalib_ros.report.grade import Grade, grade
 from stcalib_ros.report.markup import findings, heading, page, paragraph, section
+from stcalib_ros.report.room import make_room
 from stcalib_ros.report.sections import (
     advice_section,
     clocks_section,
@@ -59,13 +60,16 @@ def report_html(content: ReportContent) -> str:
     if c.status is not Status.OK:
         parts.append(reasons_section(c))
     if c.cameras:
-        parts.append(scene_section(content))
+        room = make_room(c, content.people, content.truth)
+        parts.append(scene_section(content, room))
         parts.append(section("Cameras", tables.cameras(c, fits), *tables.directions(c)))
-    if lenses := tables.lenses(c):
-        parts.append(section("Lenses", lenses, paragraph(tables.LENSES_HELP)))
-    parts += [timeline_section(content), clocks_section(content, clocks)]
+        if lenses := tables.lenses(c):
+            parts.append(section("Lenses", lenses, paragraph(tables.LENSES_HELP)))
+        parts += [timeline_section(content), clocks_section(content, clocks, room)]
+    else:
+        parts.append(timeline_section(content))
     parts += [persons_section(c), residuals_section(content, fits), pairs_section(c)]
-    parts.append(advice_section(c, fits))
+    parts.append(advice_section(c))
     if c.status is Status.OK:
         parts.append(reasons_section(c))
     parts.append(made_with_section(content))

@@ -14,7 +14,7 @@ from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.output.gravity import HEAD
 from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory, bones
 from stcalib_ros.report.content import ReportContent
-from stcalib_ros.report.room import FACE, Person, PlacedCamera, Room, make_room
+from stcalib_ros.report.room import FACE, Person, PlacedCamera, Room
 from stcalib_ros.report.style import PEOPLE_ON_SCREEN, camera_colors
 from stcalib_ros.report.view import best_view, frustum_depth
 
@@ -36,17 +36,17 @@ _FAR = 3.0
 """Extents of the cameras. What is further from their middle is no person's place."""
 
 
-def scene_data(content: ReportContent) -> dict[str, Any]:
+def scene_data(content: ReportContent, room: Room) -> dict[str, Any]:
     """Return cameras, people over time and floor; plain values for JSON.
 
     Parameters
     ----------
     content : ReportContent
         With camera poses.
+    room : Room
+        Of the same.
     """
     c = content.calibration
-    people = content.people()
-    room = make_room(c, people, content.truth)
     view, extent = best_view(room), _extent(room)
     colors = camera_colors(camera.name for camera in room.cameras)
     depth, factor = frustum_depth(room), enlargement(c, extent)
@@ -69,13 +69,13 @@ def scene_data(content: ReportContent) -> dict[str, Any]:
             for camera, own in zip(room.cameras, c.cameras, strict=True)
         ],
         "true_cameras": [_camera(camera, depth) for camera in room.true_cameras],
-        **_people(room, people, extent),
+        **_people(room, content.people, extent),
     }
 
 
-def scene_json(content: ReportContent) -> str:
-    """Return the same as JSON that may stand in a script of a page."""
-    text = json.dumps(_rounded(scene_data(content)), separators=(",", ":"), allow_nan=False)
+def scene_json(data: dict[str, Any]) -> str:
+    """Return it as JSON that may stand in a script of a page."""
+    text = json.dumps(_rounded(data), separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 

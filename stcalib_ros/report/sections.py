@@ -33,7 +33,7 @@ from stcalib_ros.report.markup import (
     subtitle,
     table,
 )
-from stcalib_ros.report.room import make_room
+from stcalib_ros.report.room import Room
 from stcalib_ros.report.scene import scene_data, scene_json
 from stcalib_ros.report.style import camera_colors
 from stcalib_ros.report.three_js import three_js
@@ -59,9 +59,9 @@ _ADVICE = {
 """Remarks that say what is weak and what to do; the others are about the input."""
 
 
-def scene_section(content: ReportContent) -> str:
+def scene_section(content: ReportContent, room: Room) -> str:
     """Return the room in 3D, with its controls."""
-    data = scene_data(content)
+    data = scene_data(content, room)
     step = "1 m" if content.calibration.metric else "half the distance of the first two cameras"
     text = f"Drag to turn, pinch or scroll to zoom. A square of the floor is {step}."
     if data["enlarged"] > 1:
@@ -89,7 +89,7 @@ def scene_section(content: ReportContent) -> str:
         "All numbers are below.</p></div>",
         controls,
         f"<script>{three_js()}</script>",
-        f"<script>const SCENE={scene_json(content)};</script>",
+        f"<script>const SCENE={scene_json(data)};</script>",
         f"<script>{script}</script>",
     )
 
@@ -107,7 +107,7 @@ def timeline_section(content: ReportContent) -> str:
     return section("Images and people over time", paragraph(text, faint=True), rows, seen)
 
 
-def clocks_section(content: ReportContent, clocks: Sequence[CameraClock]) -> str:
+def clocks_section(content: ReportContent, clocks: Sequence[CameraClock], room: Room) -> str:
     """Return which time offsets fit, what is left of them over time, and one movement."""
     c = content.calibration
     if not clocks:
@@ -120,7 +120,6 @@ def clocks_section(content: ReportContent, clocks: Sequence[CameraClock]) -> str
         "in parts of the recording; dots near zero mean that the clocks run alike."
     )
     parts = [paragraph(text, faint=True)]
-    room = make_room(c, content.people())
     if (movement := liveliest_movement(content, room)) is not None:
         parts.append(_movement(movement, colors, length_unit(c.metric)))
     for clock in clocks:
@@ -167,6 +166,7 @@ def _movement(movement: Movement, colors: dict[str, str], unit: str) -> str:
         [t[np.isfinite(h)] for row in times for t, h in zip(row, heights, strict=True)], "time, s"
     )
     y_axis = axis_of(heights, f"height, {unit}")
+    names = [(curve.camera, colors[curve.camera]) for curve in movement.curves]
     charts = []
     for title, row in zip(("by its own clock", "by the common clock"), times, strict=True):
         lines = [
@@ -175,7 +175,7 @@ def _movement(movement: Movement, colors: dict[str, str], unit: str) -> str:
         ]
         joint = movement.joint.replace("_", " ")
         whole = f"Height of the {joint} of person {movement.person_id}, each camera {title}"
-        charts.append(chart(whole, lines, x_axis, y_axis))
+        charts.append(chart(whole, lines, x_axis, y_axis, names=names))
     return side_by_side(*charts)
 
 
@@ -220,9 +220,8 @@ def pairs_section(c: Calibration) -> str:
     return folded("Pairs of cameras", tables.pairs(c), help_text)
 
 
-def advice_section(c: Calibration, fits: Sequence[KeypointFit]) -> str:
+def advice_section(c: Calibration) -> str:
     """Return what is weak, and what would help."""
-    del fits
     advice = [one for one in c.remarks if one.code in _ADVICE]
     if not advice:
         return ""

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, Browser
 
+from benchmarks.report.browser import CHROMIUM, Browser
 from stcalib_ros.report.content import ReportContent
 from stcalib_ros.report.html import write_report
 

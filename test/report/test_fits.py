@@ -61,8 +61,8 @@ def test_people_of_a_finished_result_have_the_numbers_of_its_persons(
         dataclasses.replace(person, person_id=7 - person.person_id) for person in c.persons
     )
     other = dataclasses.replace(c, persons=turned)
-    people = content_of_result(report_content.recording, other).people()
+    people = content_of_result(report_content.recording, other).people
     assert [p.person_id for p in people] == [7, 6]
     strangers = dataclasses.replace(c, persons=())
-    people = content_of_result(report_content.recording, strangers).people()
+    people = content_of_result(report_content.recording, strangers).people
     assert [p.person_id for p in people] == [0, 1]

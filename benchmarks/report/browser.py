@@ -77,6 +77,7 @@ class Browser:
             self.call(f"{domain}.enable")
 
     def close(self) -> None:
+        """End the browser, and delete its profile."""
         self._session = None
         self.call("Browser.close")
         self._process.wait(10)
@@ -85,6 +86,7 @@ class Browser:
         self._folder.cleanup()
 
     def call(self, method: str, **params: Any) -> dict[str, Any]:
+        """Call a method of the DevTools protocol; return its result."""
         number = next(self._numbers)
         message: dict[str, Any] = {"id": number, "method": method, "params": params}
         if self._session is not None:
