@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.geometry.interpolation import frame_period
+from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
 from stcalib_ros.core.validation.cross_view import usual_distances
 from stcalib_ros.core.validation.thresholds import DEFAULT
@@ -135,11 +136,11 @@ def _shares(c: Calibration) -> Checked | None:
     share = c.n_inliers / c.n_observations
     text = (
         f"{share:.0%} of the keypoints fit: {c.n_inliers} of the {c.n_observations} of people whom "
-        "two cameras or more see at the same time. The others were left out"
+        "two cameras or more see at the same time."
     )
     if share >= FEW:
-        return Checked(True, f"{text}.")
-    return Checked(False, f"{text}. That is few: see below which camera they are of.")
+        return Checked(True, text)
+    return Checked(False, f"{text} That is few: see below which camera the others are of.")
 
 
 def _even(fits: Sequence[KeypointFit]) -> Checked | None:
@@ -164,7 +165,7 @@ def _certain(content: ReportContent) -> Checked | None:
     """Standard deviations of the least certain camera, beside the limits of the checks."""
     c = content.calibration
     others = [camera for camera in c.cameras if camera.name != c.reference]
-    known = [camera for camera in others if np.isfinite(camera.covariance).all()]
+    known = [one for one in others if _is_known(one.covariance)]
     if not known:
         return None
     distances = _distances(content)
@@ -183,6 +184,11 @@ def _certain(content: ReportContent) -> Checked | None:
     if _level(worst, distances, periods) < NEAR_LIMIT:
         return Checked(True, f"{text}.")
     return Checked(False, f"{text}. That is near the limit of what is accepted.")
+
+
+def _is_known(covariance: Float64Array) -> bool:
+    """Whether it is a covariance: not that of a truth, or of a result of another program."""
+    return bool(np.isfinite(covariance).all() and covariance.any())
 
 
 def _distances(content: ReportContent) -> dict[str, float]:

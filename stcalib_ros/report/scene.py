@@ -150,7 +150,7 @@ def _people(room: Room, people: Sequence[PersonTrajectory], extent: float) -> di
         "people": shown,
         "step_s": every * step_s,
         "length_s": max(end - begin, 0.0),
-        "start_s": _fullest(people) - begin,
+        "start_s": float(np.clip(_fullest(people) - begin, 0.0, end - begin)),
         "resolution": resolution,
         "person_size": _person_size(room),
     }
@@ -194,11 +194,13 @@ def _person_size(room: Room) -> float:
 
 
 def _fullest(people: Sequence[PersonTrajectory]) -> float:
-    """Return the time at which most joints of most people are known, seconds."""
+    """Return the time at which most joints are known, of several the one nearest to the middle."""
     times = np.concatenate([person.times_s for person in people])
     known = np.concatenate([np.isfinite(person.joints_ref[..., 0]).sum(1) for person in people])
     moments, which = np.unique(np.round(times, 3), return_inverse=True)
-    return float(moments[np.bincount(which, weights=known).argmax()])
+    n_known = np.bincount(which, weights=known)
+    best = moments[n_known == n_known.max()]
+    return float(best[np.abs(best - moments.mean()).argmin()])
 
 
 def _rounded(value: Any) -> Any:

@@ -78,7 +78,7 @@ def test_it_says_what_was_found(page: Page, report_content: ReportContent) -> No
     for said in (
         "Calibrated, as precisely as the pose estimator allows",
         "3 of 3 cameras placed by 2 people, and their clocks set to that of cam0.",
-        "The least constrained camera is cam",
+        "The least certain camera is cam",
         "LEAST_CONSTRAINED_CAMERA",
         f"{calibration.n_inliers} of the {calibration.n_observations} of people whom two cameras",
         f"Keypoints miss by {calibration.reprojection_rms_px:.1f} px (rms)",
