@@ -136,7 +136,7 @@ _SENTENCES = {
         "give the field of view of its data sheet (field_of_view_deg)"
     ),
     _R.LENS_NEEDS_PARALLAX: (
-        "its focal length cannot be told from people's distance, since the cameras see them from "
+        "its focal length cannot be separated from people's distance: the cameras see them from "
         "nearly one direction: positions are {measured:.0f} times as uncertain along the view as "
         "across it, {limit:.1f} are the limit where lenses are unknown; move a camera aside, or "
         "give the field of view of its data sheet (field_of_view_deg)"

@@ -6,18 +6,19 @@ from stcalib_ros.core.model.rejection import RemarkCode
 
 REMARKS = {
     RemarkCode.LEAST_CONSTRAINED_CAMERA: (
-        "the least constrained camera is {camera}: rotation to {rotation_stddev_deg:.2g} degrees, "
-        "position to {position_stddev_percent:.2g} % of its distance from the people"
+        "the least certain camera is {camera}: its rotation is known to {rotation_stddev_deg:.2g} "
+        "degrees, its position to {position_stddev_percent:.2g} % of its distance from the people"
     ),
     RemarkCode.SHARE_MORE_VIEW: (
-        "{camera} shares {shared_s:.1f} s of people's motion with the others, who share "
-        "{usual_s:.1f} s: let people walk where it and {partner} see them ({common_s:.1f} s)"
+        "{camera} shares people with other cameras for {shared_s:.1f} s only, the others for "
+        "{usual_s:.1f} s: let people walk where both it and {partner} see them (so far "
+        "{common_s:.1f} s)"
     ),
     RemarkCode.MOVE_FASTER: "people who move faster in its view would determine its clock better",
-    RemarkCode.LEAVE_THE_LINE: (
-        "everybody stays on one line: people who walk across it would determine more"
+    RemarkCode.LEAVE_THE_LINE: ("everybody walks along one line: let people also walk across it"),
+    RemarkCode.RECORD_LONGER: (
+        "a recording twice as long would reduce these uncertainties by about 30 %"
     ),
-    RemarkCode.RECORD_LONGER: "a clip twice as long would make that about 30 % less",
     RemarkCode.PEOPLE_OF_UNUSUAL_SIZE: (
         "by scale.distances, people are {ratio:.2f} times as large as adults: check the distances "
         "if they are not"
@@ -116,7 +117,10 @@ REMARKS = {
         "{camera}: its keypoints are those of another lens than its CameraInfo describes, to which "
         "`intrinsics: refine` would adapt it"
     ),
-    RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: "clock skews are not observable in {length_s:.0f} s",
+    RemarkCode.CLOCK_SKEW_NOT_OBSERVABLE: (
+        "clocks are taken to run at one rate: {length_s:.0f} s are too short to measure a "
+        "difference (clock skew)"
+    ),
     RemarkCode.STAMPS_JUMP: (
         "{camera}: from {begin_s:.0f} to {end_s:.0f} s after its first image, its stamps are "
         "{jump_ms:.0f} ms off the times at which a recorder received them, against what they are "
@@ -129,16 +133,13 @@ REMARKS = {
 }
 """Templates of the sentences of remarks, by code."""
 ADDITIONS = {
-    "offset_stddev_ms": ", clock to {offset_stddev_ms:.2g} ms",
+    "offset_stddev_ms": ", its clock to {offset_stddev_ms:.2g} ms",
     "scale": "; its focal length is {scale:.3f} times as long",
     "ratio": "; fx / fy is {ratio:.3f} times as large",
     "given_cx": (
         "; its principal point is at ({cx:.0f}, {cy:.0f}), not at ({given_cx:.0f}, {given_cy:.0f})"
     ),
     "bent": "; at the edge of what it sees, keypoints are {bent:+.1%} further from the axis",
-    "stddev_ppm": (
-        ": they would be known to {stddev_ppm:.0f} ppm, {limit_ppm:.0f} are needed, which takes "
-        "about {enough_s:.0f} s"
-    ),
+    "enough_s": "; about {enough_s:.0f} s would be enough",
 }
 """Ends of remarks that have a value of that name."""

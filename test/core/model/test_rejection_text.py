@@ -180,22 +180,25 @@ SKEWS = {"length_s": 3.0, "stddev_ppm": 80.0, "limit_ppm": 10.0, "enough_s": 12.
 C = RemarkCode
 PROJECTION = {"given": 0.21, "best": 0.99}
 REMARKS = (
-    (Remark(C.LEAST_CONSTRAINED_CAMERA, ("a",), LEAST), "is a: rotation to 0.11 .* to 5 % of .*e$"),
+    (
+        Remark(C.LEAST_CONSTRAINED_CAMERA, ("a",), LEAST),
+        "is a: its rotation is known to 0.11 .* to 5 % of .*e$",
+    ),
     (
         Remark(C.LEAST_CONSTRAINED_CAMERA, ("a",), {**LEAST, "offset_stddev_ms": 17.2}),
-        ", clock to 17 ms$",
+        ", its clock to 17 ms$",
     ),
     (
         Remark(C.SHARE_MORE_VIEW, ("a", "b"), SHARED),
-        r"^a shares 2.0 s .*8.0 s: .*it and b .*\(1.0 s",
+        r"^a shares .* 2.0 s only, .*8.0 s: .*it and b .*\(so far 1.0 s",
     ),
     (
         Remark(C.LENS_ASSUMED, ("a", "b"), {"view_deg": 64.0}),
         "lenses of a, b were not known .* view of 64 degrees along the longer side .* distortion",
     ),
     (Remark(C.MOVE_FASTER, ("a",)), "^people who move faster"),
-    (Remark(C.LEAVE_THE_LINE), "one line: people who walk across it"),
-    (Remark(C.RECORD_LONGER), "a clip twice as long"),
+    (Remark(C.LEAVE_THE_LINE), "along one line: let people also walk across it"),
+    (Remark(C.RECORD_LONGER), "a recording twice as long"),
     (
         Remark(C.STAMPS_JUMP, ("a",), {"begin_s": 15.0, "end_s": 30.0, "jump_ms": 100.0}),
         "^a: from 15 to 30 s after its first .* 100 ms off the times .*: check that nothing sets",
@@ -244,8 +247,14 @@ REMARKS = (
         Remark(C.POSES_LEFT_OUT, ("a",), {"n_left_out": 12, "n_poses": 300}),
         "^a: 12 of 300 poses are left out, .* at one place: check",
     ),
-    (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), {"length_s": 3.0}), "not observable in 3 s$"),
-    (Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), SKEWS), "in 3 s: .* to 80 ppm, 10 are .* about 12 s$"),
+    (
+        Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), {"length_s": 3.0}),
+        "3 s are too short to measure a difference",
+    ),
+    (
+        Remark(C.CLOCK_SKEW_NOT_OBSERVABLE, (), SKEWS),
+        "3 s are too short .*; about 12 s would be enough$",
+    ),
     (
         Remark(C.IDS_LINKED, ("a",), {"continued": 0.4, "limit": 0.7, "n_tracks": 5}),
         r"^a: .* no tracks \(40% .*, 70% are needed\): .* to 5 tracks; a tracker",
@@ -322,6 +331,6 @@ def test_cameras_come_first() -> None:
 def test_whole_sentences() -> None:
     line = Rejection(R.COLLINEAR_MOTION)
     first, second = whole_sentences([Remark(C.RECORD_LONGER)], [line])
-    assert first == "A clip twice as long would make that about 30 % less."
+    assert first == ("A recording twice as long would reduce these uncertainties by about 30 %.")
     assert second == "Everybody stays on one line: let people walk across it, too."
     assert math.isnan(line.measured)
