@@ -32,6 +32,7 @@ _COMMANDS = {
     "clocks": "say how to cut videos so that they are synchronous",
     "doctor": "say what is in a bag, and whether it will calibrate",
     "evaluate": "compare a result with the truth",
+    "report": "write the report of a result, for the browser",
     "people": "write the people of a bag in 3D, by a result",
     "simulate": "make a bag with a known answer",
     "convert": "make a bag from poses in the files of other programs",

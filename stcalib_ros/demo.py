@@ -22,6 +22,7 @@ from stcalib_ros.io.bag import read_bag
 from stcalib_ros.io.files import atomic_path, require_writable
 from stcalib_ros.io.results import read_result, write_result
 from stcalib_ros.report import require_matplotlib
+from stcalib_ros.report.three_js import require_three_js
 
 _DATA = Path(__file__).parent / "data" / "demo"
 _FPS = 60.0
@@ -98,6 +99,7 @@ def _run(folder: Path) -> None:
 def _outputs(folder: Path) -> tuple[Path, Path, Path]:
     """Files to write, before the work; their folder is made."""
     require_matplotlib("the demo's picture")
+    require_three_js()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -122,14 +124,16 @@ def _calibrate() -> tuple[Recording, Stages]:
 def _write(
     recording: Recording, stages: Stages, truth: Calibration, outputs: tuple[Path, Path, Path]
 ) -> None:
+    from stcalib_ros.report.content import content_of_stages
     from stcalib_ros.report.figures import overview_png
     from stcalib_ros.report.html import write_report
 
+    content = content_of_stages(recording, stages, truth=truth)
     result, report, picture = outputs
     write_result(stages.calibration, result)
-    write_report(recording, stages, report, truth=truth)
+    write_report(content, report)
     with atomic_path(picture) as temporary:
-        temporary.write_bytes(overview_png(stages, truth))
+        temporary.write_bytes(overview_png(content))
 
 
 def errors_text(evaluation: Evaluation, calibration: Calibration, truth: Calibration) -> str:

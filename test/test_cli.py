@@ -130,7 +130,7 @@ def test_calibrate(
     assert err.splitlines() == ["reading the bag", "lifting", "solving"]
     assert "4 of 5 cameras calibrated on 3 persons" in out
     assert "-317.00 ms +- 0.00" in out
-    assert "\nA clip twice as long would make that about 30 % less.\n" in out
+    assert "\nA recording twice as long would reduce these uncertainties by about 30 %.\n" in out
     assert "NOT calibrated: cam05: saw nobody" in out
     assert "T_ref_cam" in out
     assert "t_ref = t_cam + offset" in out

@@ -61,7 +61,7 @@ def test_shortened_options_are_known(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main(["simulate", str(tmp_path / "a.mcap"), "--n-cam", "2", "--n-frames", "20"]) == 0
 
 
-@pytest.mark.parametrize("name", ["", *_COMMANDS])
+@pytest.mark.parametrize("name", ["", *sorted(set(_COMMANDS) - {"models"})])
 def test_called_bare_a_command_helps(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     err = said([name] if name else [], capsys)
     assert err.startswith(f"usage: stcalib {name}".rstrip())

@@ -110,8 +110,9 @@ def check_pip(words: list[str]) -> None:
     assert words[0] == "install"
     named = {word for word in words[1:] if re.fullmatch(r"\w+", word)}
     if named:
-        core = (ROOT / "requirements" / "core.txt").read_text()
-        assert named <= set(re.findall(r"^\w+", core, re.MULTILINE))
+        files = [ROOT / "requirements" / name for name in ("core.txt", "report.txt")]
+        lists = "\n".join(path.read_text() for path in files)
+        assert named <= set(re.findall(r"^\w+", lists, re.MULTILINE))
         return
     extra = re.fullmatch(r"\.(?:\[(\w+)\])?", words[1])
     assert extra

@@ -65,7 +65,7 @@ def test_people_for_opensim(walk: Path, scene: Scene, capsys: pytest.CaptureFixt
     assert main(["people", "walk.yaml", "walk.mcap", "--output", "people.trc"]) == 0
     out = capsys.readouterr().out
     assert "People are in people_P0.trc, people_P1.trc" in out
-    assert "Keypoints that fit: cam0 " in out
+    assert "Keypoints that agree with the others: cam0 " in out
     assert "y is up as far as cam0 is level" in out
     assert "size of an adult" not in out
     for path in (walk / "people_P0.trc", walk / "people_P1.trc"):

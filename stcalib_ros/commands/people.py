@@ -69,15 +69,16 @@ def run(args: argparse.Namespace) -> None:
     calibration = read_usable_result(args.result)
     recording, found = captured(args, calibration)
     written = write(calibration, found.people, recording, args.output)
-    fit = f"Keypoints that fit: {_shares(found)}; {found.reprojection_rms_px:.2f} px (rms)"
+    rms_px = found.reprojection_rms_px
+    fit = f"Keypoints that agree with the others: {_shares(found)}; {rms_px:.2f} px (rms)"
     tell(
         args,
         f"{fit}\n{people_text(found.people, calibration, written)}",
         {
             "written": [str(path) for path in written],
             "people": [person.person_id for person in found.people],
-            "keypoints_that_fit": dict(found.explained),
-            "reprojection_rms_px": found.reprojection_rms_px,
+            "keypoints_that_agree": dict(found.explained),
+            "reprojection_rms_px": rms_px,
         },
     )
 
@@ -110,7 +111,7 @@ def captured(args: argparse.Namespace, calibration: Calibration) -> tuple[Record
     off = [name for name, share in found.explained.items() if share < MIN_EXPLAINED]
     if len(found.explained) - len(off) < 2:
         raise CalibrationError(
-            f"what {args.bag} shows does not agree with {args.result} (keypoints that fit: "
+            f"what {args.bag} shows does not agree with {args.result} (keypoints that agree: "
             f"{_shares(found)}): a camera was moved, its clock was set, or they are of other "
             "cameras; calibrate again with --people"
         )

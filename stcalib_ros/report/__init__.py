@@ -1,4 +1,4 @@
-"""Pictures and reports of a calibration; needs Matplotlib, the extra ``report``."""
+"""Reports and figures of a calibration; they need the extra ``report``."""
 
 from __future__ import annotations
 

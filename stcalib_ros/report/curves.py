@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stcalib_ros.core.bundle.observations import Observations
 from stcalib_ros.core.bundle.residuals import at_images
+from stcalib_ros.core.capture.evidence import CaptureEvidence
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
-from stcalib_ros.core.output.world_frame import WorldAlignment
+from stcalib_ros.core.model.clocks import clock_correction
 from stcalib_ros.core.reconstruction.trajectories import person_rows
-from stcalib_ros.core.stages import Stages
+from stcalib_ros.report.content import ReportContent
 from stcalib_ros.report.room import Room
 
 _LIMBS = ("wrist", "ankle", "elbow", "knee")
@@ -50,7 +52,7 @@ class Movement:
     curves: tuple[Curve, ...]
 
 
-def liveliest_movement(stages: Stages, room: Room) -> Movement | None:
+def liveliest_movement(content: ReportContent, room: Room) -> Movement | None:
     """The joint with the most up and down in the most cameras; None if there is none.
 
     A height is that of the point on the camera's own line of sight which is nearest to the
@@ -58,21 +60,36 @@ def liveliest_movement(stages: Stages, room: Room) -> Movement | None:
     others. Of long recordings only the liveliest few seconds are in it.
     """
     best: tuple[float, Movement] | None = None
-    if stages.placement is None:
+    evidence, calibration = content.evidence, content.calibration
+    if evidence is None:
         return None
-    all_rows = person_rows(stages.lifted, stages.iterations[-1])
-    for person, rows in zip(stages.calibration.persons, all_rows, strict=True):
-        sights = _sights(stages, stages.placement, room, rows)
-        for j, joint in enumerate(stages.skeleton.layout.joint_names):
+    names = [camera.name for camera in calibration.cameras if camera.name in evidence.names]
+    all_rows = person_rows(evidence.lifted, evidence.last)
+    for person, rows in zip(content.people, all_rows, strict=True):
+        sights = _sights(evidence, names, room, rows)
+        for j, joint in enumerate(evidence.skeleton.layout.joint_names):
             if not any(limb in joint for limb in _LIMBS):
                 continue
             for part in _parts(sights.times_s):
-                curves = _curves(stages, sights, part, j)
+                curves = _curves(names, sights, part, j)
                 liveliness = sum(_spread(curve.height) for curve in curves)
                 if len(curves) >= 2 and (best is None or liveliness > best[0]):
-                    reference = stages.calibration.reference
-                    best = liveliness, Movement(person.person_id, joint, reference, curves)
-    return None if best is None else best[1]
+                    movement = Movement(person.person_id, joint, calibration.reference, curves)
+                    best = liveliness, movement
+    return None if best is None else _by_own_clock(best[1], content)
+
+
+def _by_own_clock(movement: Movement, content: ReportContent) -> Movement:
+    """Return the same with the stamps of the cameras; so far both times are by the common clock."""
+    since_epoch_s = content.recording.epoch_ns * 1e-9 - content.calibration.epoch_s
+    cameras = {camera.name: camera for camera in content.calibration.cameras}
+    curves = []
+    for curve in movement.curves:
+        own = cameras[curve.camera]
+        at_epoch = curve.times_s + since_epoch_s - own.time_offset_s
+        later = clock_correction(own.time_offset_s, own.clock_skew, at_epoch)
+        curves.append(replace(curve, stamps_s=curve.times_s - later))
+    return replace(movement, curves=tuple(curves))
 
 
 def _parts(times: Float64Array) -> list[slice]:
@@ -83,16 +100,16 @@ def _parts(times: Float64Array) -> list[slice]:
     return [slice(int(begin), int(end)) for begin, end in bounds]
 
 
-def _curves(stages: Stages, sights: _Sights, part: slice, j: int) -> tuple[Curve, ...]:
+def _curves(names: Sequence[str], sights: _Sights, part: slice, j: int) -> tuple[Curve, ...]:
     """Curves of one joint in one stretch, of the cameras that see enough of it."""
     return tuple(
         Curve(
-            camera.name,
-            sights.stamps_s[part, c],
+            name,
+            sights.times_s[part, c],
             sights.times_s[part, c],
             sights.heights[part, c, j],
         )
-        for c, camera in enumerate(stages.calibration.cameras)
+        for c, name in enumerate(names)
         if np.isfinite(sights.heights[part, c, j]).sum() >= _MIN_SAMPLES
     )
 
@@ -110,17 +127,16 @@ class _Sights:
     Attributes
     ----------
     heights : (N, C, J) ndarray
-    stamps_s, times_s : (N, C) ndarray
-        NaN where there is no image.
+    times_s : (N, C) ndarray
+        By the common clock; NaN where there is no image.
     """
 
     heights: Float64Array
-    stamps_s: Float64Array
     times_s: Float64Array
 
 
-def _sights(stages: Stages, placement: WorldAlignment, room: Room, rows: IntArray) -> _Sights:
-    last = stages.iterations[-1]
+def _sights(evidence: CaptureEvidence, names: Sequence[str], room: Room, rows: IntArray) -> _Sights:
+    last = evidence.last
     obs, state = last.observations, last.state
     elapsed = obs.phi[rows] + state.shift_s
     X = at_images(obs, state, rows)
@@ -129,13 +145,12 @@ def _sights(stages: Stages, placement: WorldAlignment, room: Room, rows: IntArra
     for c, R_ref_cam in enumerate(last.rig.R_ref_cam):
         centre, direction = last.rig.t_ref_cam[c], _directions(obs, rows, c) @ R_ref_cam.T
         along = ((X[:, c] - centre) * direction).sum(-1, keepdims=True)
-        point = room.placed(placement.to_result(centre + along * direction))
+        point = room.placed(evidence.to_result(centre + along * direction))
         heights[:, c] = np.where(known[:, c], point[..., 2], np.nan)
     times = obs.start_s + obs.time_bin[rows][:, None] * obs.step_s + elapsed
     times = np.where(obs.track[rows] >= 0, times, np.nan)
-    names = [stages.lifted[c].name for c in last.rig.cameras]
-    order = [names.index(camera.name) for camera in stages.calibration.cameras]
-    return _Sights(heights[:, order], (times - last.rig.offset_s)[:, order], times[:, order])
+    order = [evidence.names.index(name) for name in names]
+    return _Sights(heights[:, order], times[:, order])
 
 
 def _directions(obs: Observations, rows: IntArray, c: int) -> Float64Array:

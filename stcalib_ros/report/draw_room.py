@@ -16,7 +16,7 @@ from matplotlib.transforms import Bbox
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.output.gravity import ANKLES, HEAD, SHOULDERS
 from stcalib_ros.core.reconstruction.trajectories import bones
-from stcalib_ros.report.room import Person, PlacedCamera, Room
+from stcalib_ros.report.room import FACE, Person, PlacedCamera, Room
 from stcalib_ros.report.style import FLOOR, FLOOR_LINES, INK, PEOPLE, camera_colors
 from stcalib_ros.report.view import View, best_view, crown, frustum_depth
 
@@ -28,11 +28,6 @@ _MIN_KNOWN = 0.5
 """Fraction of the joints. A person is drawn at a time step if more of them are known."""
 _NAMED = 4
 """People. With more, labels are their numbers alone."""
-_FACE = {
-    *(f"{side}_{part}" for side in ("left", "right") for part in ("eye", "ear")),
-    *(f"{side}_eye_{part}" for side in ("left", "right") for part in ("inner", "outer")),
-    *("nose", "mouth_left", "mouth_right"),
-}
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
 _LABEL_DISTANCE = 11.0
 """Points. From what is labelled to the label."""
@@ -125,7 +120,7 @@ def _skeleton(ax: Axes, person: Person, k: int, view: View, color: str, alpha: f
         [i, j]
         for i, j in bones(person.layout)
         if np.isfinite(joints[[i, j], 0]).all()
-        and not _FACE & {person.layout.joint_names[i], person.layout.joint_names[j]}
+        and not FACE & {person.layout.joint_names[i], person.layout.joint_names[j]}
     ]
     segments = [view.project(joints[pair]) for pair in pairs]
     zorder = 10.0 + 1e-3 * view.nearness(joints) + 1e-6 * k

@@ -1,42 +1,90 @@
-"""The pictures of a report as PNG."""
+"""The pictures of a calibration for talks and papers, as PNG and SVG."""
 
 from __future__ import annotations
 
 import io
+from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import matplotlib
 from matplotlib.figure import Figure
 
+from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, Status
-from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.core.stages import Stages
+from stcalib_ros.io.files import atomic_path
+from stcalib_ros.report.content import ReportContent
 from stcalib_ros.report.curves import liveliest_movement
-from stcalib_ros.report.draw_errors import camera_errors, errors_figure
+from stcalib_ros.report.draw_errors import errors_figure
 from stcalib_ros.report.draw_sightings import sightings_figure
+from stcalib_ros.report.fits import camera_fits
 from stcalib_ros.report.overview import overview_figure
 from stcalib_ros.report.room import make_room
 from stcalib_ros.report.style import DPI, SETTINGS
 
+_FORMATS = ("png", "svg")
 
-def overview_png(stages: Stages, truth: Calibration | None = None) -> bytes:
+
+def overview_png(content: ReportContent) -> bytes:
     """Cameras and people in 3D, and one movement before and after the alignment in time.
 
     Parameters
     ----------
-    stages : Stages
-        With camera poses.
-    truth : Calibration, optional
-        Drawn as thin outlines after similarity alignment.
+    content : ReportContent
+        With camera poses. A truth is drawn as thin outlines after similarity alignment.
 
     Returns
     -------
     bytes
         PNG, 1600 x 800 px.
     """
-    room = make_room(stages.calibration, stages.trajectories(), truth)
-    movement = liveliest_movement(stages, room)
     with matplotlib.rc_context(SETTINGS):
-        return _png(overview_figure(room, movement, title=_title(stages.calibration)))
+        return _encoded(_overview(content), "png")
+
+
+def write_figures(content: ReportContent, folder: Path) -> tuple[Path, ...]:
+    """Write every picture of a calibration as PNG and SVG; return the files.
+
+    Parameters
+    ----------
+    content : ReportContent
+    folder : Path
+        Made if it is not there; files of the same names are replaced.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made or written to.
+    """
+    written = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with matplotlib.rc_context(SETTINGS):
+            for name, draw in _drawn(content).items():
+                figure = draw(content)
+                for suffix in _FORMATS:
+                    path = folder / f"{name}.{suffix}"
+                    with atomic_path(path) as temporary:
+                        temporary.write_bytes(_encoded(figure, suffix))
+                    written.append(path)
+    except OSError as error:
+        raise InputError(f"cannot write figures to {folder}: {error.strerror}") from error
+    return tuple(written)
+
+
+def _drawn(content: ReportContent) -> Mapping[str, Callable[[ReportContent], Figure]]:
+    """Pictures that there is something to show in, by the names of their files."""
+    figures: dict[str, Callable[[ReportContent], Figure]] = {"tracks": _tracks}
+    if content.calibration.cameras:
+        figures["overview"] = _overview
+    if content.evidence is not None:
+        figures["residuals"] = _residuals
+    return figures
+
+
+def _overview(content: ReportContent) -> Figure:
+    room = make_room(content.calibration, content.people, content.truth)
+    movement = liveliest_movement(content, room)
+    return overview_figure(room, movement, title=_title(content.calibration))
 
 
 def _title(c: Calibration) -> str:
@@ -45,19 +93,17 @@ def _title(c: Calibration) -> str:
     return title if c.status is Status.OK else f"Not to be used: {title}"
 
 
-def errors_png(stages: Stages) -> bytes:
-    """Histograms of the reprojection errors of every camera, PNG."""
-    with matplotlib.rc_context(SETTINGS):
-        return _png(errors_figure(camera_errors(stages)))
+def _residuals(content: ReportContent) -> Figure:
+    names = [camera.name for camera in content.calibration.cameras]
+    return errors_figure(camera_fits(content.evidence, names))
 
 
-def sightings_png(recording: Recording) -> bytes:
-    """When each camera saw whom, PNG."""
-    with matplotlib.rc_context(SETTINGS):
-        return _png(sightings_figure(recording))
+def _tracks(content: ReportContent) -> Figure:
+    return sightings_figure(content.recording)
 
 
-def _png(figure: Figure) -> bytes:
+def _encoded(figure: Figure, suffix: str) -> bytes:
     out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=DPI, metadata={"Software": None})
+    date = {"Software": None} if suffix == "png" else {"Date": None}
+    figure.savefig(out, format=suffix, dpi=DPI, metadata=date)
     return out.getvalue()

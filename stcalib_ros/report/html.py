@@ -2,74 +2,116 @@
 
 from __future__ import annotations
 
+from datetime import datetime, timezone
 from pathlib import Path
 
 from stcalib_ros.core.model.calibration import Calibration, Status
-from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.core.stages import Stages
 from stcalib_ros.io.files import write_text
 from stcalib_ros.report import tables
-from stcalib_ros.report.figures import errors_png, overview_png, sightings_png
-from stcalib_ros.report.markup import image, page, paragraph, section
-
-_OVERVIEW = (
-    "Left: cameras, people at four time steps and the paths of their feet; thin black outlines, if "
-    "any, are the true cameras after similarity alignment. Right: the height of one joint where "
-    "the line of sight of each camera's own keypoint passes nearest to the triangulated joint, "
-    "by the stamps of that camera and by the common clock. Every camera has its colour."
+from stcalib_ros.report.clocks import camera_clocks
+from stcalib_ros.report.content import ReportContent
+from stcalib_ros.report.fits import camera_fits
+from stcalib_ros.report.grade import Grade, grade
+from stcalib_ros.report.markup import findings, heading, page, paragraph, section
+from stcalib_ros.report.room import make_room
+from stcalib_ros.report.sections import (
+    advice_section,
+    clocks_section,
+    made_with_section,
+    pairs_section,
+    persons_section,
+    reasons_section,
+    residuals_section,
+    scene_section,
+    timeline_section,
 )
-_ERRORS = (
-    "Distance between keypoints and reprojected joints. Colour: inliers, from which the "
-    "calibration is made; grey: outliers. The last bar has all that are further away."
-)
-_SIGHTINGS = (
-    "Every line is a track of a camera's own tracker, against the stamps of that camera in seconds "
-    "since the start of the recording; clocks are not corrected."
-)
+from stcalib_ros.wording import count
+
+_OTHER_ERROR = 1.1
+"""Ratio of errors. A report from a finished result says why its errors are so much larger than
+those of the adjustment, which also corrects single stamps and keypoints."""
 
 
-def write_report(
-    recording: Recording, stages: Stages, path: Path, *, truth: Calibration | None = None
-) -> None:
+def write_report(content: ReportContent, path: Path) -> None:
     """Write the report, whole or not at all.
 
     Raises
     ------
     InputError
-        The file cannot be written.
+        The file cannot be written, or the library of the 3D view is not installed.
     """
-    write_text(path, report_html(recording, stages, truth=truth))
+    write_text(path, report_html(content))
 
 
-def report_html(recording: Recording, stages: Stages, *, truth: Calibration | None = None) -> str:
+def report_html(content: ReportContent) -> str:
     """Text of the report: what was found, or why it was refused, and the evidence.
 
-    Parameters
-    ----------
-    recording : Recording
-    stages : Stages
-        Of this recording; with or without camera poses.
-    truth : Calibration, optional
-        Shown in the picture.
+    Raises
+    ------
+    InputError
+        The library of the 3D view is not installed.
     """
-    c = stages.calibration
-    parts = [tables.verdict(c)]
+    c = content.calibration
+    names = [camera.name for camera in c.cameras]
+    fits = camera_fits(content.evidence, names)
+    clocks = camera_clocks(content.evidence, names, c.reference, content.options)
+    verdict = grade(content, fits, clocks)
+    parts = [_verdict(content, verdict)]
+    if c.status is not Status.OK:
+        parts.append(reasons_section(c))
     if c.cameras:
-        parts.append(image(overview_png(stages, truth), "Cameras and people", _OVERVIEW))
-        parts.append(section("Cameras", tables.cameras(stages), *tables.directions(c)))
-    if lenses := tables.lenses(c):
-        parts.append(section("Lenses", lenses, paragraph(tables.LENSES_HELP)))
-    if c.uncalibrated:
-        parts.append(section("Not calibrated", tables.uncalibrated(c)))
-    if c.persons:
-        parts.append(section("Persons", tables.persons(c), paragraph(tables.PERSONS_HELP)))
-    if c.pairs:
-        parts.append(section("Pairs of cameras", tables.pairs(c), paragraph(tables.PAIRS_HELP)))
-    if c.n_inliers:
-        parts.append(
-            section("Reprojection errors", image(errors_png(stages), "Histograms", _ERRORS))
-        )
-    seen = image(sightings_png(recording), "Tracks over time", _SIGHTINGS)
-    parts.append(section("What the cameras saw", tables.sightings(recording), seen))
+        room = make_room(c, content.people, content.truth)
+        parts.append(scene_section(content, room))
+        parts.append(section("Cameras", tables.cameras(c, fits), *tables.directions(c)))
+        if lenses := tables.lenses(c):
+            parts.append(section("Lenses", lenses, paragraph(tables.LENSES_HELP)))
+        parts += [timeline_section(content), clocks_section(content, clocks, room)]
+    else:
+        parts.append(timeline_section(content))
+    parts += [persons_section(c), residuals_section(content, fits), pairs_section(c)]
+    parts.append(advice_section(c))
+    if c.status is Status.OK:
+        parts.append(reasons_section(c))
+    parts.append(made_with_section(content))
     title = "Calibration" if c.status is Status.OK else "Calibration refused"
-    return page(title, parts)
+    return page(title, filter(None, parts))
+
+
+def _verdict(content: ReportContent, verdict: Grade) -> str:
+    """Say what the outcome is, and what its numbers mean."""
+    c = content.calibration
+    parts = [heading(verdict.title, good=c.status is Status.OK)]
+    if c.cameras:
+        parts.append(paragraph(_found(c), lead=True))
+    parts.append(paragraph(verdict.meaning))
+    parts.append(findings((one.good, one.text) for one in verdict.findings))
+    begin, end = c.window_s
+    started = datetime.fromtimestamp(begin, timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC")
+    about = f"Recording of {started}, {end - begin:.2f} s long."
+    parts.append(paragraph(" ".join([about, *_gathered_again(content)]), faint=True))
+    return "\n".join(filter(None, parts))
+
+
+def _found(c: Calibration) -> str:
+    total = len(c.cameras) + len(c.uncalibrated)
+    who = "1 person" if len(c.persons) == 1 else f"{len(c.persons)} people"
+    text = f"{len(c.cameras)} of {count(total, 'camera')} placed by {who}"
+    if c.status is Status.OK:
+        return f"{text}, and their clocks set to that of {c.reference}."
+    return f"Found, but not to be used: {text}."
+
+
+def _gathered_again(content: ReportContent) -> list[str]:
+    """Say where residuals come from that are not those of the adjustment."""
+    if not content.from_result:
+        return []
+    if content.evidence is None:
+        return ["Nobody in it is seen by two of these cameras at a time."]
+    now, then = content.evidence.last.rms_px(), content.calibration.reprojection_rms_px
+    text = "Residuals are of this recording by the finished result"
+    if now > _OTHER_ERROR * then:
+        text += (
+            f": {now:.1f} px (rms), more than the {then:.1f} px of the adjustment, which also "
+            "corrects the stamps of single images and what keypoints have in common"
+        )
+    return [f"{text}."]

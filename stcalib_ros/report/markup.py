@@ -2,41 +2,26 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Sequence
 from html import escape
+from pathlib import Path
 
-_STYLE = """\
-:root { color-scheme: light dark; --ink: #22262b; --faint: #6b737c; --line: #dfe3e7;
-  --paper: #ffffff; --good: #00795a; --bad: #b03a00; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e4e7ea; --faint: #9aa3ab; --line: #3a4148;
-  --paper: #16191c; --good: #3fc79a; --bad: #ff8a4c; } }
-body { margin: 0 auto; max-width: 1120px; padding: 2rem 1.25rem 4rem; background: var(--paper);
-  color: var(--ink); font: 15px/1.5 system-ui, "Segoe UI", Roboto, sans-serif; }
-h1 { font-size: 1.7rem; margin: 0 0 .25rem; }
-h2 { font-size: 1.15rem; margin: 2.5rem 0 .5rem; }
-p { max-width: 75ch; margin: .5rem 0; }
-.good { color: var(--good); } .bad { color: var(--bad); }
-.faint, figcaption { color: var(--faint); font-size: .88rem; }
-figure { margin: 1rem 0; } figcaption { max-width: 90ch; margin-top: .4rem; }
-img { display: block; width: 100%; height: auto; background: #fff; border: 1px solid var(--line);
-  border-radius: 6px; }
-.scroll { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
-th, td { text-align: left; padding: .35rem 1.4rem .35rem 0; border-bottom: 1px solid var(--line);
-  vertical-align: top; white-space: nowrap; }
-th { color: var(--faint); font-weight: 600; }
-td.wrap { white-space: normal; min-width: 24rem; }
-"""
+DATA = Path(__file__).parents[1] / "data" / "report"
+"""Style sheet and script of the page."""
+
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+)
 
 
 def page(title: str, parts: Iterable[str]) -> str:
-    """Whole document; `parts` are markup."""
-    body = "\n".join(parts)
+    """Whole document, which may load nothing from anywhere; `parts` are markup."""
+    body, style = "\n".join(parts), (DATA / "report.css").read_text(encoding="utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{_STYLE}</style>\n</head>\n"
+        f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n"
         f"<body>\n{body}\n</body>\n</html>\n"
     )
 
@@ -48,36 +33,54 @@ def heading(text: str, *, good: bool) -> str:
 
 def section(title: str, *parts: str) -> str:
     """Part of the page under its own title; `parts` are markup."""
-    body = "\n".join(parts)
+    body = "\n".join(part for part in parts if part)
     return f"<section>\n<h2>{escape(title)}</h2>\n{body}\n</section>"
 
 
-def paragraph(text: str, *, faint: bool = False) -> str:
+def subtitle(text: str, color: str = "") -> str:
+    """Title within a section."""
+    style = f' style="color:{escape(color)}"' if color else ""
+    return f"<h3{style}>{escape(text)}</h3>"
+
+
+def paragraph(text: str, *, faint: bool = False, lead: bool = False) -> str:
     """Paragraph of plain text."""
-    return f"<p{' class=faint' if faint else ''}>{escape(text)}</p>"
+    kind = " class=faint" if faint else " class=lead" if lead else ""
+    return f"<p{kind}>{escape(text)}</p>"
 
 
-def table(rows: Sequence[Sequence[str]], *, wrapped: Sequence[int] = ()) -> str:
-    """Table of plain texts, the first row its head; columns in `wrapped` may break lines."""
+def side_by_side(*parts: str) -> str:
+    """Markup in columns where there is room, else below each other."""
+    return f'<div class="pair">\n{"".join(parts)}\n</div>' if parts else ""
+
+
+def findings(items: Iterable[tuple[bool, str]]) -> str:
+    """List of plain texts, each ticked or marked as weak."""
+    lines = [f"<li{'' if good else ' class=weak'}>{escape(text)}</li>" for good, text in items]
+    return '<ul class="findings">\n' + "\n".join(lines) + "\n</ul>" if lines else ""
+
+
+def coded(items: Iterable[tuple[str, str]]) -> str:
+    """List of plain texts, each with the code that files and messages carry."""
+    lines = [f"<li>{escape(text)} <code>{escape(code)}</code></li>" for code, text in items]
+    return '<ul class="plain">\n' + "\n".join(lines) + "\n</ul>" if lines else ""
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Table of plain texts, the first row its head; on a narrow screen, a block for each row."""
     head = "".join(f"<th>{escape(cell)}</th>" for cell in rows[0])
     lines = [
         "".join(
-            f"<td{' class=wrap' if i in wrapped else ''}>{escape(cell)}</td>"
-            for i, cell in enumerate(row)
+            f'<td data-head="{escape(name)}">{escape(cell)}</td>'
+            for name, cell in zip(rows[0], row, strict=True)
         )
         for row in rows[1:]
     ]
     body = "\n".join(f"<tr>{line}</tr>" for line in lines)
-    return (
-        f'<div class="scroll"><table>\n<thead><tr>{head}</tr></thead>\n'
-        f"<tbody>\n{body}\n</tbody>\n</table></div>"
-    )
+    return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>"
 
 
-def image(png: bytes, alt: str, caption: str) -> str:
-    """Picture that is part of the file."""
-    data = base64.b64encode(png).decode("ascii")
-    return (
-        f'<figure><img src="data:image/png;base64,{data}" alt="{escape(alt)}">\n'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-    )
+def folded(title: str, *parts: str) -> str:
+    """Markup that is shown when its title is clicked."""
+    body = "\n".join(part for part in parts if part)
+    return f"<details><summary>{escape(title)}</summary>\n{body}\n</details>"

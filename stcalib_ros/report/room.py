@@ -14,6 +14,12 @@ from stcalib_ros.core.model.keypoint_layouts import Layout
 from stcalib_ros.core.output.gravity import find_upright
 from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
 
+FACE = {
+    *(f"{side}_{part}" for side in ("left", "right") for part in ("eye", "ear")),
+    *(f"{side}_eye_{part}" for side in ("left", "right") for part in ("inner", "outer")),
+    *("nose", "mouth_left", "mouth_right"),
+}
+"""Joints that a figure does without: the head stands for them."""
 _FEET = ("ankle", "heel", "toe", "foot")
 _BLOCK_S = 1.0
 """Seconds. Upright directions of people are averaged over blocks of about a stride, as in core."""

@@ -22,6 +22,9 @@ PALETTE = (
 PEOPLE = ("#22262B", "#6B4F3A", "#4E6070", "#5E4B66", "#4C5B3C")
 """One muted colour per person."""
 
+PEOPLE_ON_SCREEN = ("#8A7355", "#6C8496", "#9A7396", "#74915A", "#B0705F", "#5F8F8A")
+"""The same for a page, which may be light or dark."""
+
 DPI = 160
 
 INK = "#22262B"

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-from datetime import datetime, timezone
+from collections.abc import Sequence
 
 import numpy as np
 
 from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.geometry.so3 import quaternion_from_matrix, rotation_angle
-from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
+from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.recording import CameraRecording, Recording
-from stcalib_ros.core.model.rejection_text import whole_sentences
-from stcalib_ros.core.stages import Stages
-from stcalib_ros.report.draw_errors import CameraErrors, camera_errors
-from stcalib_ros.report.markup import heading, paragraph, table
+from stcalib_ros.report.fits import KeypointFit
+from stcalib_ros.report.markup import paragraph, table
 from stcalib_ros.wording import (
     clock_text,
-    count,
     decimals,
     frame_text,
     length_unit,
@@ -30,77 +27,38 @@ from stcalib_ros.wording import (
 _PLUS_MINUS = "±"
 
 PERSONS_HELP = (
-    "Tracks are the ids of each camera's own tracker; several of one camera are pieces of one "
-    "person. The last column says how many times worse the keypoints would fit the next best "
-    "assignment: near 1, two people could not be distinguished."
+    "Numbers are the track ids of each camera's own tracker. Several of one camera are pieces of "
+    "one person. The last column says how many times worse the keypoints would fit if this person "
+    "were taken for somebody else: near 1, the two could not be distinguished."
 )
 LENSES_HELP = (
     "Lenses that were not given are estimated with the poses. ± is one standard deviation; "
     "numbers without it were held at what was given or assumed."
 )
 PAIRS_HELP = (
-    "Bones: median angle between the bones of the two monocular 3D poses of a person, after "
-    "rotation; they are not used in the final adjustment, and the errors of two lifters together "
-    "make 10 to 25 degrees; - without 3D poses. Epipolar: distance of the keypoints from the "
-    "epipolar lines, rms."
+    "Bones: the median angle between the bones of a person's two monocular 3D poses, after the "
+    "rotation between the cameras; 10 to 25 degrees are usual. These poses are rough, and the "
+    "final adjustment does not use them. Epipolar: how far keypoints are from the lines on which "
+    "the other camera sees them."
 )
 
-_HEADINGS = {
-    Status.OK: "Calibrated",
-    Status.DEGENERATE: "Refused: the data does not determine the cameras",
-    Status.INSUFFICIENT_DATA: "Refused: not enough data",
-    Status.NOT_CONVERGED: "Refused: the adjustment did not converge",
-    Status.CANCELLED: "Cancelled",
-}
-_NOT_TO_BE_USED = "Poses, offsets and persons below are intermediate results and must not be used."
-_NO_POSES = "There are no poses. What the cameras saw is below: it may show what is missing."
 
-
-def verdict(c: Calibration) -> str:
-    """Say what the outcome is."""
-    parts = [heading(_HEADINGS[c.status], good=c.status is Status.OK), paragraph(_sentence(c))]
-    if c.status is not Status.OK:
-        parts.append(paragraph(_NOT_TO_BE_USED if c.cameras else _NO_POSES))
-    begin, end = c.window_s
-    started = datetime.fromtimestamp(begin, timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC")
-    parts.append(paragraph(f"Recording of {started}, {end - begin:.2f} s.", faint=True))
-    return "\n".join(parts)
-
-
-def _sentence(c: Calibration) -> str:
-    if not c.cameras:
-        return " ".join(whole_sentences((), c.rejections))
-    total = len(c.cameras) + len(c.uncalibrated)
-    found = (
-        f"{len(c.cameras)} of {total} cameras, {count(len(c.persons), 'person')}; "
-        f"{c.n_inliers} of {c.n_observations} observations are inliers, with a reprojection error "
-        f"of {c.reprojection_rms_px:.2f} px (rms)."
-    )
-    if c.status is not Status.OK:
-        return " ".join([*whole_sentences((), c.rejections), "Found:", found])
-    return " ".join([found, *whole_sentences(c.remarks, c.rejections)])
-
-
-def cameras(stages: Stages) -> str:
-    """Pose and clock of every camera, and its inliers."""
-    c = stages.calibration
+def cameras(c: Calibration, fits: Sequence[KeypointFit]) -> str:
+    """Pose and clock of every camera, and its keypoints that fit."""
     unit = length_unit(c.metric)
     head = (
         "camera",
         f"position x, y, z [{unit}]",
         "quaternion x, y, z, w",
         "turned",
-        "clock offset",
-        "inliers",
+        "time offset",
+        "keypoints that fit",
     )
-    rows = [
-        _camera(camera, errors, c.reference)
-        for camera, errors in zip(c.cameras, camera_errors(stages), strict=True)
-    ]
-    return table([head, *rows])
+    by_name = {fit.name: fit for fit in fits}
+    return table([head, *(_camera(one, by_name.get(one.name), c.reference) for one in c.cameras)])
 
 
-def _camera(camera: CameraCalibration, errors: CameraErrors, reference: str) -> tuple[str, ...]:
+def _camera(camera: CameraCalibration, fit: KeypointFit | None, reference: str) -> tuple[str, ...]:
     stddevs = np.sqrt(np.maximum(np.diag(camera.covariance), 0.0))
     position, angle = ", ".join(decimals(camera.t_ref_cam, 3)), rotation_angle(camera.R_ref_cam)
     turned = f"{np.degrees(angle):.1f}°"
@@ -113,7 +71,7 @@ def _camera(camera: CameraCalibration, errors: CameraErrors, reference: str) -> 
         ", ".join(decimals(quaternion_from_matrix(camera.R_ref_cam), 4)),
         turned,
         clock_text(camera, reference, _PLUS_MINUS),
-        f"{len(errors.inliers)} ({errors.inlier_fraction:.0%})",
+        "-" if fit is None else f"{fit.n_fit} of {fit.n_seen} ({fit.share:.0%})",
     )
 
 
@@ -139,15 +97,10 @@ def directions(c: Calibration) -> tuple[str, str]:
     )
 
 
-def uncalibrated(c: Calibration) -> str:
-    """List the cameras without a pose, with the reasons."""
-    return table([("camera", "why"), *((u.name, u.reason) for u in c.uncalibrated)], wrapped=(1,))
-
-
 def persons(c: Calibration) -> str:
     """List the tracks of every person."""
     names = [camera.name for camera in c.cameras]
-    head = ("person", *names, "reprojection", "next best assignment")
+    head = ("person", *(f"track of {name}" for name in names), "error (rms)", "taken for another")
     rows = [
         (
             str(p.person_id),
@@ -162,7 +115,7 @@ def persons(c: Calibration) -> str:
 
 def pairs(c: Calibration) -> str:
     """List how well every two cameras agree."""
-    head = ("cameras", "persons in common", "bones", "epipolar")
+    head = ("cameras", "people in common", "bones", "epipolar (rms)")
     rows = [
         (
             f"{p.camera_a}, {p.camera_b}",

@@ -13,6 +13,8 @@ import stcalib_ros
 ROS_KEYS = {"opencv-python-headless": "python3-opencv", "PyYAML": "python3-yaml"}
 OF_BAGS = {"mcap", "lz4", "zstandard"}
 """Without a key of a Debian package: the README says how to install mcap, which brings these."""
+OF_REPORTS = {"trimesh"}
+"""The same: the README says how to install it."""
 
 
 def requirements(path: Path) -> set[str]:
@@ -38,14 +40,14 @@ def test_what_pip_installs_is_what_rosdep_installs(root):
     names = requirements(root / "requirements/core.txt") | requirements(
         root / "requirements/report.txt"
     )
-    names -= OF_BAGS | {
-        "tomli"
-    }  # the latter is of Python 3.10, which no distribution of ROS that we build for has
+    names -= OF_BAGS | OF_REPORTS
+    names -= {"tomli"}  # of Python 3.10, which no distribution of ROS that we build for has
     wanted = {ROS_KEYS.get(name, f"python3-{name}") for name in names}
     tags = ET.parse(root / "package.xml").getroot().iter("exec_depend")
     pip_keys = {t.text for t in tags if t.text and "-" in t.text}
     assert pip_keys == wanted
-    assert "pip install --user --break-system-packages mcap" in (root / "README.md").read_text()
+    readme = (root / "README.md").read_text()
+    assert "pip install --user --break-system-packages mcap trimesh" in readme
 
 
 def test_cmake_generates_every_interface_and_knows_every_package_it_uses(root):

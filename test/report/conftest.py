@@ -9,6 +9,7 @@ from stcalib_ros.core.pipeline import run_stages
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.core.synthetic import Scene, SceneOptions, simulate
 from stcalib_ros.io.mocap import shipped_clips
+from stcalib_ros.report.content import ReportContent, content_of_stages
 
 
 @pytest.fixture(scope="session")
@@ -24,3 +25,8 @@ def report_stages(report_scene: Scene) -> Stages:
     stages = run_stages(report_scene.recording)
     assert stages.calibration.status is Status.OK
     return stages
+
+
+@pytest.fixture(scope="session")
+def report_content(report_scene: Scene, report_stages: Stages) -> ReportContent:
+    return content_of_stages(report_scene.recording, report_stages, truth=report_scene.truth)

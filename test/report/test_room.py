@@ -9,6 +9,7 @@ import pytest
 
 from stcalib_ros.core.stages import Stages
 from stcalib_ros.core.synthetic import Scene
+from stcalib_ros.report.content import ReportContent
 from stcalib_ros.report.curves import liveliest_movement
 from stcalib_ros.report.room import Room, make_room
 from stcalib_ros.report.view import best_view, frustum_depth
@@ -80,9 +81,9 @@ def test_nearer_things_are_larger(room: Room) -> None:
 
 
 def test_curves_lie_on_one_another_by_the_common_clock(
-    report_scene: Scene, report_stages: Stages, room: Room
+    report_content: ReportContent, room: Room
 ) -> None:
-    movement = liveliest_movement(report_stages, room)
+    movement = liveliest_movement(report_content, room)
     assert movement is not None
     assert movement.reference == "cam0"
     assert len(movement.curves) == 3
@@ -100,9 +101,9 @@ def test_curves_lie_on_one_another_by_the_common_clock(
 
 
 def test_curves_show_the_true_height(
-    report_scene: Scene, report_stages: Stages, room: Room
+    report_content: ReportContent, report_scene: Scene, report_stages: Stages, room: Room
 ) -> None:
-    movement = liveliest_movement(report_stages, room)
+    movement = liveliest_movement(report_content, room)
     assert movement is not None
     person = report_stages.calibration.persons[movement.person_id]
     (true_person,) = (

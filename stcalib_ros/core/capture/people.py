@@ -14,6 +14,7 @@ from stcalib_ros.core.bundle.observations import observe
 from stcalib_ros.core.bundle.outliers import drop_outliers, image_points
 from stcalib_ros.core.bundle.residuals import errors_px
 from stcalib_ros.core.bundle.state import initial_state
+from stcalib_ros.core.capture.evidence import CaptureEvidence
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.integration.association import associate
 from stcalib_ros.core.lifting.body_size import pose_size
@@ -28,7 +29,7 @@ from stcalib_ros.core.model.skeleton import Skeleton, common_skeleton
 from stcalib_ros.core.monitoring.lenses import with_lenses_in_force
 from stcalib_ros.core.monitoring.matching import metres_per_unit, on_reference_clock, rig_of
 from stcalib_ros.core.options import Options
-from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory, reconstruct
+from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
 from stcalib_ros.core.registration.resampling import common_grid
 
 
@@ -78,6 +79,35 @@ def capture_people(
     >>> [(person.person_id, person.joints_ref.shape[1:]) for person in people]
     [(0, (17, 3)), (1, (17, 3))]
     """
+    found = find_evidence(recording, calibration, options)
+    if found is None:
+        seen = _calibrated_cameras(recording, calibration, options or Options())
+        return Capture((), {camera.name: 0.0 for camera in seen.cameras}, float("nan"))
+    n_used = found.last.state.inlier.sum((0, 2)) / np.maximum(image_points(found.lifted), 1)
+    explained = {c.name: float(share) for c, share in zip(found.lifted, n_used, strict=True)}
+    return Capture(found.trajectories(), explained, found.last.rms_px())
+
+
+def find_evidence(
+    recording: Recording, calibration: Calibration, options: Options | None = None
+) -> CaptureEvidence | None:
+    """Triangulate the people of a recording, and return how well the cameras agree on them.
+
+    None where nobody is seen by two cameras at a time.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of the same cameras, by the same clocks; further cameras are ignored.
+    calibration : Calibration
+    options : Options, optional
+        For `min_score` and the limits of outliers.
+
+    Raises
+    ------
+    InputError
+        Fewer than two of the calibrated cameras see anybody.
+    """
     options = options or Options()
     seen = _calibrated_cameras(recording, calibration, options)
     skeleton = common_skeleton(seen)
@@ -86,11 +116,8 @@ def capture_people(
     rig = replace(rig, t_ref_cam=rig.t_ref_cam * unit_m)
     last = _triangulated(cameras, rig, options, usual_px=calibration.reprojection_rms_px)
     if last is None:
-        return Capture((), {camera.name: 0.0 for camera in cameras}, float("nan"))
-    people = reconstruct(cameras, last, skeleton.layout, lambda points: points / unit_m)
-    n_used = last.state.inlier.sum((0, 2)) / np.maximum(image_points(cameras), 1)
-    explained = {c.name: float(share) for c, share in zip(cameras, n_used, strict=True)}
-    return Capture(people, explained, last.rms_px())
+        return None
+    return CaptureEvidence(tuple(cameras), last, skeleton, lambda points: points / unit_m)
 
 
 def metres_of(

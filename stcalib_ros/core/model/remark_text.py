@@ -6,7 +6,7 @@ from stcalib_ros.core.model.rejection import RemarkCode
 
 REMARKS = {
     RemarkCode.LEAST_CONSTRAINED_CAMERA: (
-        "{camera} is the least certain camera: its rotation is known to {rotation_stddev_deg:.2g} "
+        "the least certain camera is {camera}: its rotation is known to {rotation_stddev_deg:.2g} "
         "degrees, its position to {position_stddev_percent:.2g} % of the distance to the people"
     ),
     RemarkCode.SHARE_MORE_VIEW: (

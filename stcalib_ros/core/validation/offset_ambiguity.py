@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,6 +23,54 @@ _JOINTS = 5
 """Joints of a person that are compared, about; purely numerical: neighbours move together."""
 _FINE_FRAMES = 9
 """Frames. From here on every third alternative is tried; purely numerical: errors vary slowly."""
+_CURVE_POINTS = 40
+"""Count. Offsets to either side of a curve; purely numerical: a picture is not wider than that."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OffsetCurves:
+    """How well other time offsets of each camera fit than the one that was found.
+
+    Attributes
+    ----------
+    difference_s : (S,) ndarray
+        Difference from the offset found, increasing; 0 in the middle.
+    error : (C, S) ndarray
+        Mean error of the camera at each, over that at the offset found; NaN where too few
+        observations are common.
+    """
+
+    difference_s: Float64Array
+    error: Float64Array
+
+    def runner_up(self, c: int) -> int:
+        """Return which offset of camera c fits best of all other minima of its curve, or -1."""
+        error = np.where(np.isfinite(self.error[c]), self.error[c], np.inf)
+        inner = error[1:-1]
+        lowest = (inner <= error[:-2]) & (inner <= error[2:]) & np.isfinite(inner)
+        others = np.flatnonzero(lowest & (self.difference_s[1:-1] != 0.0)) + 1
+        return int(others[error[others].argmin()]) if len(others) else -1
+
+
+def offset_curves(last: Iteration, *, range_s: float) -> OffsetCurves:
+    """Return the errors of all cameras at offsets within plus and minus `range_s`.
+
+    Parameters
+    ----------
+    last : Iteration
+    range_s : float
+        Seconds.
+    """
+    step_s = last.observations.step_s
+    furthest = max(1, round(range_s / step_s))
+    near = np.rint(furthest * np.linspace(0.0, 1.0, _CURVE_POINTS + 1) ** 2).astype(np.int64)
+    near = np.unique(near[near > 0])
+    shifts = np.concatenate([-near[::-1], [0], near])
+    scale = OFFSET_ERROR_SCALE * max(last.association.typical_px, 1.0)
+    total, count = _costs_by_camera(last, shifts, scale, with_outliers=False)
+    mean = np.where(count >= MIN_OFFSET_POINTS, total / np.maximum(count, 1), np.nan)
+    error = mean / np.maximum(mean[:, [len(near)]], 1e-12)
+    return OffsetCurves(-shifts[::-1] * step_s, error[:, ::-1])
 
 
 def offset_peak_ratios(

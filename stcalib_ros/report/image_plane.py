@@ -1,0 +1,94 @@
+"""Residuals of a camera over its image, and how large they are."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+
+import numpy as np
+
+from stcalib_ros.core.model.arrays import Float64Array
+from stcalib_ros.core.model.recording import Intrinsics
+from stcalib_ros.report.charts import Axis, Line, chart
+from stcalib_ros.report.fits import KeypointFit
+
+_COLUMNS = 12
+"""Cells of the image across; they are about as high as wide."""
+_LEAST = 15
+"""Keypoints of a cell that is shown: fewer have no usual error."""
+_BINS = 40
+_ARROW = 0.9
+"""Length of the longest arrow in cells."""
+
+
+def plane(fit: KeypointFit, lens: Intrinsics, limit_px: float) -> str:
+    """Return the image of a camera as markup: errors by colour, mean residuals as arrows.
+
+    Parameters
+    ----------
+    fit : KeypointFit
+    lens : Intrinsics
+        For the size of the image.
+    limit_px : float
+        Median error of the darkest cell.
+    """
+    cell = lens.width / _COLUMNS
+    rows = max(1, round(lens.height / cell))
+    inside = fit.fits & np.isfinite(fit.pixels).all(-1)
+    pixels, residuals, errors = fit.pixels[inside], fit.residuals[inside], fit.errors[inside]
+    column = np.floor(pixels[:, 0] / lens.width * _COLUMNS).astype(int)
+    row = np.floor(pixels[:, 1] / lens.height * rows).astype(int)
+    longest = max(limit_px, 1e-9)
+    shapes = []
+    for i, j in sorted(set(zip(column.tolist(), row.tolist(), strict=True))):
+        here = (column == i) & (row == j)
+        if here.sum() < _LEAST or not (0 <= i < _COLUMNS and 0 <= j < rows):
+            continue
+        share = min(float(np.median(errors[here])) / limit_px, 1.0) if limit_px else 0.0
+        shapes.append(_cell(i, j, share) + _arrow(i, j, residuals[here].mean(0) / longest))
+    size = f"{lens.width} x {lens.height} px"
+    return (
+        f'<figure class="plane"><svg viewBox="0 0 {_COLUMNS} {rows}" role="img" '
+        f'aria-label="{escape(fit.name)}: residuals over the image">'
+        f'<rect class="frame" x="0" y="0" width="{_COLUMNS}" height="{rows}"/>'
+        f"{''.join(shapes)}</svg>"
+        f"<figcaption>Its image, {size}. Dark: median error of {limit_px:.1f} px and more. "
+        f"Arrows: mean residual; a cell is {limit_px / _ARROW:.1f} px long.</figcaption></figure>"
+    )
+
+
+def _cell(i: int, j: int, share: float) -> str:
+    return (
+        f'<rect class="cell" x="{i}" y="{j}" width="1" height="1" '
+        f'style="fill-opacity:{0.08 + 0.82 * share:.2f}"/>'
+    )
+
+
+def _arrow(i: int, j: int, part: Float64Array) -> str:
+    length = float(np.linalg.norm(part))
+    if not math.isfinite(length):
+        return ""
+    dx, dy = _ARROW * part / max(length, 1.0)
+    x, y = i + 0.5, j + 0.5
+    return (
+        f'<path class="arrow" d="M{x:.2f} {y:.2f}L{x + dx:.2f} {y + dy:.2f}"/>'
+        f'<circle class="tip" cx="{x + dx:.2f}" cy="{y + dy:.2f}" r=".07"/>'
+    )
+
+
+def error_histogram(fit: KeypointFit, color: str, limit_px: float) -> str:
+    """Return how many keypoints have which error, those that fit and the others."""
+    edges = np.linspace(0.0, limit_px, _BINS + 1)
+    good, _ = np.histogram(fit.errors[fit.fits], edges)
+    rest, _ = np.histogram(np.minimum(fit.errors[~fit.fits], limit_px), edges)
+    x, total = np.repeat(edges, 2)[1:-1], max(fit.n_seen, 1)
+    factor = 100.0 * (fit.n_seen / max(len(fit.fits), 1)) / total
+    outer, inner = (np.repeat(n * factor, 2) for n in (good + rest, good))
+    top = Axis(0.0, 1.05 * max(float(outer.max(initial=0.0)), 1e-6), "% of the keypoints")
+    lines = [Line(x, outer, "#A9B0B7", filled=True), Line(x, inner, color, filled=True)]
+    return chart(
+        f"{fit.name}: {fit.share:.0%} fit, to {fit.rms_px:.1f} px (rms)",
+        lines,
+        Axis(0.0, limit_px, "error, px (the last bar: this and more)"),
+        top,
+    )
