@@ -152,13 +152,13 @@ class Calibrator:
             there = ", ".join(ready) or "none"
             return failure(
                 Status.INSUFFICIENT_DATA,
-                "not started: at least two cameras with poses and CameraInfo are needed, there "
-                f"is {there}; /diagnostics says what the others wait for",
+                "not started: two cameras with poses and CameraInfo are needed (ready: "
+                f"{there}); /diagnostics says what the others wait for",
             )
         run = Run(uuid.uuid4().hex[:12], Future(), feedback)
         wrong = self.watcher.complaint if start_s >= self.watcher.changed_s else ""
         if not self.worker.start(Job(run.run_id, images, self.settings.options, requested, wrong)):
-            return failure(Status.CANCELLED, "not started: the solver has not ended yet")
+            return failure(Status.CANCELLED, "not started: the last run has not ended yet")
         self.run = run
         self.log.info(f"run {run.run_id} starts with {', '.join(c.name for c in images)}")
         self._publish_diagnostics(counts)

@@ -132,7 +132,9 @@ class Publishers:
         try:
             return node.create_publisher(CameraInfo, f"~/{camera}/camera_info", latched())
         except InvalidTopicNameException:
-            self._log.warning(f"camera {camera}: its name can be in no topic; no CameraInfo of it")
+            self._log.warning(
+                f"camera {camera}: its name cannot be part of a topic; CameraInfo is not published"
+            )
             return None
 
     def _publish_tf(self, calibration: Calibration, stamp: Time) -> None:
@@ -141,7 +143,7 @@ class Publishers:
         if not calibration.metric and not self._settings.tf_not_metric:
             self._log.warning(
                 "/tf_static: not published, since lengths are not metres; "
-                "set tf_not_metric to have it all the same"
+                "set tf_not_metric to publish all the same"
             )
             return
         message_type, publisher = self._tf

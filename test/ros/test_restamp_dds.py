@@ -301,7 +301,7 @@ TOPIC = RelayedTopic("cam0", "/cam0/image", "", False)
         ([TOPIC, TOPIC], {}, "/cam0/image is given twice"),
         ([TOPIC], {"input_reliability": "often"}, "'often' is none of auto, best_effort, reliable"),
         ([TOPIC], {"output_reliability": "auto"}, "'auto' is none of best_effort, reliable"),
-        ([TOPIC], {"output_prefix": "/"}, "fed by themselves"),
+        ([TOPIC], {"output_prefix": "/"}, "relayed to themselves"),
         ([TOPIC], {"result_topic": ""}, "both are empty"),
     ],
 )
