@@ -217,8 +217,8 @@ def _cameras(calibration: Calibration) -> str:
 
 
 def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
-    position = _triple(camera.t_ref_cam, 3)
-    looks_along = _triple(camera.R_ref_cam[:, 2], 2)
+    position = _triple(camera.t_ref_cam, 3, 7)
+    looks_along = _triple(camera.R_ref_cam[:, 2], 2, 5)
     turned = f"{float(np.degrees(rotation_angle(camera.R_ref_cam))):.1f} deg"
     variances = np.maximum(np.diag(camera.covariance), 0.0)
     if variances.any() or camera.name != reference:
@@ -227,8 +227,8 @@ def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
     return (camera.name, position, looks_along, turned, clock_text(camera, reference))
 
 
-def _triple(values: Float64Array, digits: int) -> str:
-    return " ".join(text.rjust(digits + 4) for text in decimals(values, digits))
+def _triple(values: Float64Array, digits: int, width: int) -> str:
+    return " ".join(text.rjust(width) for text in decimals(values, digits))
 
 
 def _persons(calibration: Calibration) -> str:

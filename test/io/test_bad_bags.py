@@ -190,7 +190,7 @@ CASES: dict[str, tuple[Maker, str]] = {
         ),
     ),
     "folder without bag": (_empty_folder, r"is not a bag: .* but notes\.txt"),
-    "file of folder missing": (_folder_with_a_missing_file, r"not there: .*a\.mcap"),
+    "file of folder missing": (_folder_with_a_missing_file, r"files that are missing: a\.mcap"),
     "other metadata": (_folder_with_other_metadata, r"not rosbag2 metadata"),
     "broken metadata": (_folder_with_broken_metadata, r"not valid YAML"),
     "other schema": (

@@ -175,7 +175,7 @@ def test_nothing_of_the_truth_is_needed(tmp_path: Path, capsys: pytest.CaptureFi
         ({}, ["--offset", "c=1"], "offset of c: no such camera; "),
         ({}, ["--offset", "b=inf"], "offset of b must be a number of seconds"),
         ({}, ["--layout", "mine"], "unknown layout 'mine'"),
-        ({}, ["--layout", "coco_19"], "'coco_19' has 19 joints, the poses of"),
+        ({}, ["--layout", "coco_19"], "'coco_19' has 19 joints, but the poses of"),
         ({"camera_names": np.array(["a", "a"])}, [], "two cameras have the same name: a"),
         ({"det_track": np.zeros(3)}, [], "det_track has shape (3,), expected (15,)"),
         ({"det_kp3d": np.zeros((15, 16, 3))}, [], "det_kp3d has shape (15, 16, 3), expected"),

@@ -135,7 +135,7 @@ def test_a_file_that_knows_no_rectified_image(tmp_path: Path) -> None:
 
 def test_a_size_that_contradicts_camera_info(tmp_path: Path) -> None:
     text = "camera: {cam0: {image_size: [800, 600]}}"
-    with pytest.raises(InputError, match=r"cam0: .* to have 800 x 600 px, .* has 640 x 480; give"):
+    with pytest.raises(InputError, match=r"cam0: .* as 800 x 600 px, .* says 640 x 480; correct"):
         read(tmp_path, text)
 
 

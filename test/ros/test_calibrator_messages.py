@@ -178,7 +178,7 @@ def test_status_of_the_solver(in_force, last_status, level):
     running = solver_status("n", SolverState(step, in_force, "run-1", last_status, "why"))
     idle = solver_status("n", SolverState(None, in_force, "run-1", last_status, "why"))
     assert running.level == idle.level == level
-    assert (running.message, idle.message) == ("running run-2: lift", "idle")
+    assert (running.message, idle.message) == ("running run-2: checking the input", "idle")
 
 
 def test_reasons_of_the_last_run_are_codes_with_their_cameras():

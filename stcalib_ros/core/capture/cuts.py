@@ -70,8 +70,8 @@ def video_cuts(recording: Recording, calibration: Calibration) -> tuple[VideoCut
         recorded = ", ".join(camera.name for camera in recording.cameras)
         known = ", ".join(camera.name for camera in calibration.cameras)
         raise InputError(
-            f"two calibrated cameras are needed: the recording has {recorded}, the calibration "
-            f"{known or 'none'}, and names have to be the same"
+            f"two calibrated cameras are needed: the recording has {recorded}, and the calibration "
+            f"{known or 'none'}; their names have to be the same"
         )
     first_s = max(float(times[0]) for times in times_s.values())
     last_s = min(float(times[-1]) for times in times_s.values())
