@@ -114,7 +114,7 @@ class _Person:
             found, expected = found[order], expected[past]
             for name in ("points", "velocity", "seen_s"):
                 setattr(self, name, getattr(self, name)[past])
-        known: BoolArray = np.isfinite(found).all(-1)
+        known: BoolArray = np.asarray(np.isfinite(found).all(-1))
         if gap_s > 0:
             self._update_velocity(found, gap_s)
         self.seen_s = np.where(known, stamp_s, self.seen_s)
