@@ -162,7 +162,8 @@ class PersonTracker:
         self._body = np.array([name not in DETAILS for name in layout.joint_names], dtype=bool)
         self._people: list[_Person] = []
         self._next_id = 0
-        self._last_s, self._period_s = math.nan, 0.0
+        self._before_s = self._last_s = math.nan
+        self._period_s = 0.0
 
     def follow(self, stamp_s: float, poses: ImagePoses) -> tuple[ImagePoses, IntArray]:
         """Take the poses of the next image, and return those of persons, with their ids.
@@ -186,7 +187,7 @@ class PersonTracker:
             self._people.clear()
         elif gap_s > 0:
             self._period_s = gap_s if self._period_s == 0 else min(gap_s, 2 * self._period_s)
-        self._last_s = stamp_s
+        self._before_s, self._last_s = self._last_s, stamp_s
         longest_s = max(self.options.memory_s, LONGEST_BREAK_FRAMES * self._period_s)
         self._people = [p for p in self._people if stamp_s - p.stamp_s <= longest_s]
         found = np.where(
@@ -205,12 +206,12 @@ class PersonTracker:
         rows: IntArray,
         followed: Mapping[int, _Person],
     ) -> IntArray:
-        """Return rows without those of new persons who are somebody else once more.
+        """Return rows without those of persons who are somebody else once more.
 
-        Of two who are both followed, one walks in front of the other.
+        Of two who were both there in the image before, one walks in front of the other.
         """
         total = np.where(np.isfinite(scores), scores, 0.0).sum(-1)
-        kept = [int(row) for row in rows if int(row) in followed]
+        kept = [row for row, person in followed.items() if person.stamp_s == self._before_s]
         for row in sorted(set(rows.tolist()) - set(kept), key=lambda row: -total[row]):
             away = np.linalg.norm(found[kept] - found[row], axis=-1)[:, self._body]
             distance = median_of_known(away, least=MIN_JOINTS)
