@@ -35,6 +35,7 @@ _COMMANDS = {
     "simulate": "make a bag with a known answer",
     "convert": "make a bag from poses in the files of other programs",
     "export": "write a result in the format of another program",
+    "models": "list the estimators of poses in images, or fetch their weights",
 }
 
 _DESCRIPTION = """\
