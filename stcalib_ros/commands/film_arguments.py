@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stcalib_ros.commands.jobs import count, processes
+from stcalib_ros.core.errors import InputError
 
 if TYPE_CHECKING:
     from stcalib_ros.core.model.recording import Intrinsics, Recording
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 # What computes is imported by the functions that need it, for `--help` to be quick.
 
 _DEFAULT_ESTIMATOR = "movenet"
+_FLAGS = ("estimator", "input_size", "models", "fps_limit")
+"""Options that say nothing about a bag."""
 
 
 def named_path(text: str) -> tuple[str, Path]:
@@ -52,6 +55,54 @@ def add_film_arguments(parser: argparse._ActionsContainer) -> None:
         metavar="HZ",
         help="images a second of each film that are used, at most (default: 10)",
     )
+
+
+def bag_of(args: argparse.Namespace) -> Path:
+    """Return the bag to calibrate, made from films beside the output if these are given.
+
+    A bag that was made of the same films in the same way is used again.
+
+    Parameters
+    ----------
+    args : Namespace
+        With `source`, `output`, `jobs`, `quiet`, and those of `add_film_arguments`.
+
+    Raises
+    ------
+    InputError
+        There are several bags, or a film or an argument is unusable.
+    """
+    from stcalib_ros.io.bag_origin import read_origin
+    from stcalib_ros.io.film_files import films_by_camera, is_film
+
+    given: Sequence[tuple[str, Path]] = args.source
+    (name, path), *others = given
+    if not (name or others or is_film(path)):
+        if flag := next((flag for flag in _FLAGS if getattr(args, flag) is not None), None):
+            raise InputError(f"--{flag.replace('_', '-')} is for films, but {path} is none")
+        return path
+    if bags := [path for _, path in given if not is_film(path)]:
+        raise InputError(f"expected one bag, or a film of each camera: {bags[0]} is no film")
+    films = films_by_camera(given)
+    output: Path | None = args.output
+    if output is None:
+        raise InputError(f"{path} is a film: add --output OUT.yaml to have it calibrated")
+    bag = output.with_suffix(".mcap")
+    found = read_origin(bag)
+    if found == origin_of(args, films):
+        if not args.quiet:
+            print(f"The poses of these films are in {bag}: used as they are", file=sys.stderr)
+        return bag
+    if bag.exists() and not found:
+        raise InputError(
+            f"the poses of the films would be written to {bag}, but that is another bag: name "
+            "another --output"
+        )
+    poses_of_films(args, films, bag)
+    if not args.quiet:
+        print(clocks_text(films), file=sys.stderr)
+        print(f"The poses of the films are in {bag}", file=sys.stderr)
+    return bag
 
 
 def poses_of_films(

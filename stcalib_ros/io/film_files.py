@@ -21,7 +21,7 @@ would take seconds per GB. Chosen."""
 def is_film(path: Path) -> bool:
     """Whether a path is a film by its name, or a folder with films in it and no bag."""
     if not path.is_dir():
-        return path.suffix.lower() in FILM_ENDINGS or "://" in str(path)
+        return path.suffix.lower() in FILM_ENDINGS or ":/" in str(path)
     names = [entry.name for entry in path.iterdir()]
     is_bag = any(name == "metadata.yaml" or name.endswith((".mcap", ".db3")) for name in names)
     return not is_bag and any(Path(name).suffix.lower() in FILM_ENDINGS for name in names)
