@@ -29,6 +29,7 @@ _OF_BAGS = ("mcap", "lz4", "zstandard")
 _COMMANDS = {
     "calibrate": "calibrate the cameras of a bag",
     "clocks": "say how to cut videos so that they are synchronous",
+    "draw": "draw the people of a result into films",
     "doctor": "say what is in a bag, and whether it will calibrate",
     "estimate": "make a bag from films, by a pose estimator",
     "evaluate": "compare a result with the truth",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +21,9 @@ from stcalib_ros.io.plausible import require_size
 _ROUNDING = 0.02
 """Fraction of a period. An image that is earlier than its turn by less is taken: containers round
 times to milliseconds, 1 % of a period at 10 Hz. Chosen, twice that."""
+_SAME_IMAGE = 0.25
+"""Fraction of a period. An image that is earlier than a time by less is the one of that time: bags
+and films round differently. Chosen, below half, where it would be the image before."""
 _MS = 1e-3
 """Seconds in a millisecond, the unit of OpenCV's times."""
 _NOT_A_FILM = "is no film that can be read"
@@ -132,6 +135,30 @@ def film_images(film: Film, *, limit_hz: float, skip: int = 0) -> Iterator[FilmI
                     f"{image.shape[1]} x {image.shape[0]} px at {stamp_s:.2f} s: cut the film there"
                 )
             yield FilmImage(stamp_s, image.astype(np.uint8, copy=False))
+
+
+def images_at(film: Film, stamps_s: Sequence[float]) -> Iterator[UInt8Array]:
+    """Yield the images of a film at some times; fewer, if it ends before.
+
+    Parameters
+    ----------
+    film : Film
+    stamps_s : sequence of float
+        Increasing times after its first image, seconds, as `film_images` gives them.
+    """
+    early_s = _SAME_IMAGE / film.rate_hz
+    waiting = iter(stamps_s)
+    wanted_s = next(waiting, None)
+    with _decoder(film.path) as decoder:
+        while wanted_s is not None and decoder.grab():
+            if decoder.get(cv2.CAP_PROP_POS_MSEC) * _MS < wanted_s - early_s:
+                continue
+            image = decoder.retrieve()[1]
+            while image is not None and wanted_s is not None:
+                yield image.astype(np.uint8, copy=False)
+                after_s, wanted_s = wanted_s, next(waiting, None)
+                if wanted_s != after_s:
+                    break
 
 
 @contextmanager
