@@ -20,10 +20,10 @@ _SIZES = (128, 1024)
 """Pixels, lower and upper bound of the longer side of the input: below, people of a whole room have
 too few pixels; above, the network, which was trained at 256, finds fewer of them again."""
 
-_OFFSET_PX = -0.3
+_OFFSET_PX = -0.25
 """Pixels of the network's input from its coordinates to ours, in which the centre of the first
 pixel is 0. Half the difference of an image and its mirror image, on the films of Pose2Sim's people:
-python -m benchmarks.estimators mirror."""
+python -m benchmarks.estimators."""
 
 _MIN_PERSON = 0.2
 """Score, 0 to 1, below which a person is not one."""
