@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import cv2
-import numpy as np
-
-from benchmarks.film.cameras import HEIGHT, WIDTH
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import IntArray
 
@@ -29,37 +27,42 @@ def encode(folder: Path, ticks: IntArray, rate_hz: float, output: Path, quality:
     Raises
     ------
     InputError
-        There is no ffmpeg, or it failed.
+        Images are missing, there is no ffmpeg, or it failed.
     """
-    paths = sorted(folder.glob("??????.png"))
+    paths = sorted(folder.glob("??????.png"))[: len(ticks)]
     if len(paths) < len(ticks):
         raise InputError(f"{folder}: {len(paths)} images of {len(ticks)}; take the others first")
     partial = output.with_name(f"{output.stem}.part.mp4")
-    try:
-        with subprocess.Popen(_command(ticks, rate_hz, partial, quality), stdin=-1) as process:
-            assert process.stdin is not None
-            at = np.searchsorted(ticks, np.arange(ticks[-1] + 1), side="right") - 1
-            for k in at:
-                process.stdin.write(np.asarray(cv2.imread(str(paths[k]))).tobytes())
-            process.stdin.close()
-    except FileNotFoundError as error:
-        raise InputError("no program ffmpeg: apt-get install ffmpeg") from error
-    if process.returncode:
-        raise InputError(f"ffmpeg failed with exit status {process.returncode} on {folder}")
+    with tempfile.NamedTemporaryFile("w", suffix=".ffconcat") as plan:
+        plan.write("".join(_plan(paths, ticks, rate_hz)))
+        plan.flush()
+        try:
+            done = subprocess.run(
+                _command(plan.name, partial, quality), capture_output=True, text=True, check=False
+            )
+        except FileNotFoundError as error:
+            raise InputError("no program ffmpeg: apt-get install ffmpeg") from error
+    if done.returncode:
+        raise InputError(f"ffmpeg failed on {folder}: {done.stderr.strip().splitlines()[-1:]}")
     partial.replace(output)
 
 
-def _command(ticks: IntArray, rate_hz: float, output: Path, quality: int) -> list[str]:
-    """Return the call of ffmpeg, which is given an image for every tick and leaves some out.
+def _plan(paths: Sequence[Path], ticks: IntArray, rate_hz: float) -> Iterator[str]:
+    """Yield what ffmpeg is to show, and for how long; its times are multiples of a tick."""
+    yield "ffconcat version 1.0\n"
+    for path, begin, end in zip(paths, ticks, [*ticks[1:], ticks[-1] + 1], strict=True):
+        yield f"file '{path.absolute()}'\noption framerate {rate_hz:g}\n"
+        yield f"duration {(end - begin) / rate_hz:.9f}\n"
+
+
+def _command(plan: str, output: Path, quality: int) -> list[str]:
+    """Return the call of ffmpeg.
 
     Without B frames: some readers lose the stamps of the last images of films that have them.
     """
-    every = len(ticks) == ticks[-1] + 1
-    chosen = [] if every else ["-vf", "select='" + "+".join(f"eq(n,{t})" for t in ticks) + "'"]
-    size = ["-video_size", f"{WIDTH}x{HEIGHT}", "-framerate", str(rate_hz)]
-    x264 = ["-c:v", "libx264", "-preset", "slow", "-crf", str(quality), "-bf", "0", "-threads", "1"]
     return [
-        *("ffmpeg", "-v", "error", "-y", "-f", "rawvideo", "-pixel_format", "bgr24"),
-        *(*size, "-i", "-", *chosen, "-vsync", "passthrough"),
-        *(*x264, "-pix_fmt", "yuv420p", "-video_track_timescale", "90000", str(output)),
+        *("ffmpeg", "-v", "error", "-y", "-f", "concat", "-safe", "0", "-i", plan),
+        *("-vsync", "passthrough", "-c:v", "libx264", "-preset", "slow", "-crf", str(quality)),
+        *("-bf", "0", "-threads", "1", "-pix_fmt", "yuv420p"),
+        *("-video_track_timescale", "90000", str(output)),
     ]
