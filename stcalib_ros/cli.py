@@ -6,11 +6,12 @@ import argparse
 import importlib
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from stcalib_ros import __version__
+from stcalib_ros.commands.parser import CommandParser, add_printing_arguments
 from stcalib_ros.core.errors import StcalibError, one_line
 from stcalib_ros.threads import use_one_thread
 
@@ -35,6 +36,8 @@ _COMMANDS = {
     "simulate": "make a bag with a known answer",
     "convert": "make a bag from poses in the files of other programs",
     "export": "write a result in the format of another program",
+    "models": "list the estimators of poses in images, or fetch their weights",
+    "completion": "print what makes a shell complete commands and options",
 }
 
 _DESCRIPTION = """\
@@ -71,7 +74,7 @@ def main(argv: Sequence[str] | None = None, *, decoder: Decoder | None = None) -
     argv = sys.argv[1:] if argv is None else list(argv)
 
     def command() -> None:
-        args = _parser(argv).parse_args(argv)
+        args = _parser([arg for arg in argv if not arg.startswith("-")][:1]).parse_args(argv)
         args.decoder = decoder
         args.run(args)
 
@@ -126,9 +129,14 @@ def _close_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
-    """Parser for `argv`: only the command that is called is imported, for `--help` to be quick."""
-    parser = argparse.ArgumentParser(
+def whole_parser() -> argparse.ArgumentParser:
+    """Return the parser with all commands and their options."""
+    return _parser(_COMMANDS)
+
+
+def _parser(called: Collection[str]) -> argparse.ArgumentParser:
+    """Parser with the options of the commands that are called; the others are not imported."""
+    parser = CommandParser(
         prog="stcalib",
         description=_DESCRIPTION,
         epilog=EPILOG,
@@ -136,7 +144,6 @@ def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"stcalib {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    called = next((arg for arg in argv if not arg.startswith("-")), None)
     for name, summary in _COMMANDS.items():
         command = subparsers.add_parser(
             name,
@@ -144,9 +151,10 @@ def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
             epilog=EPILOG,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        if name == called:
+        if name in called:
             module = importlib.import_module(f"stcalib_ros.commands.{name}")
             command.description = module.DESCRIPTION
             module.add_arguments(command)
+            add_printing_arguments(command)
             command.set_defaults(run=module.run)
     return parser

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from stcalib_ros.cli import run_command
+from stcalib_ros.commands.parser import CommandParser
 from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text, table, warn
 from stcalib_ros.core.errors import CalibrationError, InputError
 from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
@@ -60,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="python -m stcalib_ros.demo", description=_INTRODUCTION.replace("\n", " ")
     )
     parser.add_argument(

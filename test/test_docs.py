@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import stcalib_ros
+from stcalib_ros.commands.parser import add_printing_arguments
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
 from stcalib_ros.ros.parameter_specs import all_specs
@@ -56,6 +58,8 @@ def options_of(command: str) -> set[str]:
     parser = argparse.ArgumentParser()
     package = "ros" if command in ("replay", "publish") else "commands"
     import_module(f"stcalib_ros.{package}.{command}").add_arguments(parser)
+    if package == "commands":
+        add_printing_arguments(parser)
     return {option for action in parser._actions for option in action.option_strings}
 
 
@@ -186,6 +190,11 @@ def test_the_reference_has_every_public_name() -> None:
     page = (ROOT / "docs" / "reference.md").read_text()
     named = re.findall(r"^::: stcalib_ros\.(\w+)$", page, re.MULTILINE)
     assert sorted(named) == sorted(set(stcalib_ros.__all__) - {"__version__"})
+
+
+def test_the_page_of_messages_is_that_of_their_definitions() -> None:
+    made = runpy.run_path(str(ROOT / "docs" / "messages.py"))["page"]()
+    assert (ROOT / "docs" / "messages.md").read_text() == made, "python docs/messages.py"
 
 
 def test_every_page_is_in_the_navigation_and_in_the_index() -> None:

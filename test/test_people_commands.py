@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from core_helpers import SMALL, changed, clock_shifted
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 from stcalib_ros.cli import main
 from stcalib_ros.core.model.calibration import Status
@@ -118,6 +120,27 @@ def test_arrays_are_in_the_frame_of_the_result(walk: Path, scene: Scene) -> None
         assert min(np.nanmedian(one) for one in off) < 0.02
 
 
+def test_messages_are_the_arrays(walk: Path) -> None:
+    """Read by a decoder that is not ours."""
+    for name in ("people.npz", "people.mcap"):
+        assert main(["people", "walk.yaml", "walk.mcap", "--output", name]) == 0
+    found = np.load(walk / "people.npz")
+    with (walk / "people.mcap").open("rb") as stream:
+        read = list(
+            make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        )
+    schema, _, _, names = read[0]
+    assert (schema.name, names.data.split()) == ("std_msgs/msg/String", [*found["joint_names"]])
+    assert {schema.name for schema, *_ in read[1:]} == {"geometry_msgs/msg/PoseArray"}
+    for person, joints in zip(found["person_id"], found["joints"], strict=True):
+        sent = [message for _, c, _, message in read if c.topic == f"/people/P{person}"]
+        assert {message.header.frame_id for message in sent} == {str(found["frame_id"])}
+        stamps = np.array([m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in sent])
+        rows = np.searchsorted(found["time_s"], (stamps - found["epoch_ns"]) * 1e-9 - 1e-4)
+        points = [[[p.position.x, p.position.y, p.position.z] for p in m.poses] for m in sent]
+        np.testing.assert_array_equal(points, joints[rows])
+
+
 def test_unsynchronised_cameras_give_motion_capture_in_one_command(
     walk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -157,7 +180,7 @@ def test_a_result_that_was_refused_is_not_used(
     write_result(bad, walk / "bad.yaml")
     for words in (["people", "bad.yaml", "walk.mcap", "-o", "p.npz"], ["clocks", "bad.yaml", "w"]):
         status, said = refused(words, capsys)
-        assert status == 2
+        assert status == 3
         assert "bad.yaml is not to be used (DEGENERATE): no parallax" in said
 
 

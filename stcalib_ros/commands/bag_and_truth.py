@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.model.recording import Recording
@@ -41,10 +42,32 @@ def require_outputs(args: argparse.Namespace) -> None:
 def write_outputs(
     args: argparse.Namespace, recording: Recording, truth: Calibration | None
 ) -> None:
-    """Write both, and say so."""
+    """Write both."""
     write_bag(recording, args.output)
-    images = sum(len(camera.stamps) for camera in recording.cameras)
-    print(f"Written to {args.output}: {len(recording.cameras)} cameras, {images} images")
     if args.truth is not None and truth is not None:
         write_result(truth, args.truth)
-        print(f"True values are in {args.truth}")
+
+
+def written_text(args: argparse.Namespace, recording: Recording) -> str:
+    """Say what was written."""
+    images = sum(len(camera.stamps) for camera in recording.cameras)
+    text = f"Written to {args.output}: {len(recording.cameras)} cameras, {images} images"
+    return text if args.truth is None else f"{text}\nTrue values are in {args.truth}"
+
+
+def written_plain(args: argparse.Namespace, recording: Recording) -> dict[str, Any]:
+    """Return the same as plain data."""
+    return {
+        "bag": str(args.output),
+        "truth": None if args.truth is None else str(args.truth),
+        "cameras": [
+            {
+                "name": camera.name,
+                "images": len(camera.stamps),
+                "poses": sum(len(track.frames) for track in camera.tracks),
+                "layout": camera.layout.name,
+                "lens_known": camera.intrinsics.known,
+            }
+            for camera in recording.cameras
+        ],
+    }

@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
     parser.add_argument(
         "--people",
         type=Path,
-        metavar="OUT.{trc,npz}",
+        metavar="OUT.{trc,npz,mcap}",
         help="also write the people in 3D, as `stcalib people` does",
     )
     parser.add_argument(
@@ -90,7 +90,6 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         metavar="N",
         help="processes that share the pairs of cameras; the result is the same (default: 1)",
     )
-    parser.add_argument("-q", "--quiet", action="store_true", help="print warnings and errors only")
 
 
 def add_option_arguments(parser: argparse.ArgumentParser) -> None:
@@ -118,11 +117,6 @@ def add_option_arguments(parser: argparse.ArgumentParser) -> None:
     )
     _add_shutter_arguments(parser)
     parser.add_argument("--seed", type=int, metavar="N", help="same seed, same result (default: 0)")
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print one JSON object instead of text: status, reasons, cameras",
-    )
 
 
 def _add_shutter_arguments(parser: argparse.ArgumentParser) -> None:
@@ -160,7 +154,7 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
 
     _require_outputs(args)
     config = config_of(args)
-    progress = ProgressPrinter(None if args.quiet else sys.stderr)
+    progress = ProgressPrinter(None if args.quiet else sys.stderr, verbose=args.verbose)
     try:
         recording = read_bag(
             args.bag,

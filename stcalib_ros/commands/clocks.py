@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,8 +51,10 @@ def run(args: argparse.Namespace) -> None:
     ------
     InputError
         An argument or file is unusable.
+    CalibrationError
+        The result is of a calibration that was refused.
     """
-    from stcalib_ros.commands.terminal import warn
+    from stcalib_ros.commands.terminal import tell, warn
     from stcalib_ros.core.capture.cuts import video_cuts
     from stcalib_ros.io.bag import read_bag
     from stcalib_ros.io.config import Config, read_config
@@ -68,7 +71,7 @@ def run(args: argparse.Namespace) -> None:
             f"--videos {unknown[0]}=...: no such camera in {args.result}; there are "
             f"{', '.join(names)}"
         )
-    print(cuts_text(cuts, videos, calibration.reference))
+    tell(args, cuts_text(cuts, videos, calibration.reference), [asdict(cut) for cut in cuts])
 
 
 def cuts_text(cuts: Sequence[VideoCut], videos: Mapping[str, Path], reference: str) -> str:
@@ -87,21 +90,21 @@ def cuts_text(cuts: Sequence[VideoCut], videos: Mapping[str, Path], reference: s
         )
         for cut in cuts
     ]
-    rate = {cut.camera: cut.rate_hz for cut in cuts}.get(reference, cuts[0].rate_hz)
+    like = {cut.camera: cut for cut in cuts}.get(reference, cuts[0])
     commands = [
-        _command(cut, videos.get(cut.camera, Path(f"{cut.camera}.mp4")), rate) for cut in cuts
+        _command(cut, videos.get(cut.camera, Path(f"{cut.camera}.mp4")), like) for cut in cuts
     ]
     return "\n".join([table([head, *rows]), "", *commands])
 
 
-def _command(cut: VideoCut, video: Path, rate_hz: float) -> str:
-    """Return the command that cuts one video, and brings it to the rate of the reference."""
-    filters = [
-        f"trim=start_frame={cut.first}:end_frame={cut.first + cut.n_images}",
-        "setpts=PTS-STARTPTS",
-    ]
+def _command(cut: VideoCut, video: Path, reference: VideoCut) -> str:
+    """Return the command that cuts one video, to the rate and number of images of the reference."""
+    begin, from_zero = f"trim=start_frame={cut.first}", "setpts=PTS-STARTPTS"
     if cut.other_rate:
-        filters.append(f"fps={rate_hz:.3f}")
+        at_rate, end = f"fps={reference.rate_hz:.3f}", f"trim=end_frame={reference.n_images}"
+        filters = [begin, from_zero, at_rate, end]
+    else:
+        filters = [f"{begin}:end_frame={cut.first + cut.n_images}", from_zero]
     output = video.with_name(f"{video.stem}_sync{video.suffix}")
     return shlex.join(["ffmpeg", "-i", str(video), "-vf", ",".join(filters), "-an", str(output)])
 

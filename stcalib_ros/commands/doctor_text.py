@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -71,9 +70,9 @@ def verdict(found: Diagnosis) -> str:
     )
 
 
-def diagnosis_json(found: Diagnosis, warnings: Sequence[str] = ()) -> str:
-    """Return a diagnosis as one JSON object; ``null`` where there is no number."""
-    plain = {
+def diagnosis_plain(found: Diagnosis, warnings: Sequence[str] = ()) -> dict[str, Any]:
+    """Return a diagnosis as plain data; NaN where there is no number."""
+    return {
         "will_calibrate": found.will_calibrate,
         "prediction": verdict(found),
         "calibrated": list(found.calibrated),
@@ -93,16 +92,6 @@ def diagnosis_json(found: Diagnosis, warnings: Sequence[str] = ()) -> str:
         "fits": {name: asdict(fit) for name, fit in found.fits.items()},
         "pairs": [asdict(one) for one in found.pairs],
     }
-    return json.dumps(_finite(plain), allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    """Return plain data with None in the place of numbers that are not finite."""
-    if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _images(cameras: Sequence[CameraFacts]) -> str:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
-from stcalib_ros.commands.terminal import table, warn
+from stcalib_ros.commands.terminal import table, tell, warn
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.evaluation.lens_errors import LensError
 from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
@@ -35,7 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fps", type=float, metavar="HZ", help="frame rate, to have E_delta in frames as well"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -52,8 +49,7 @@ def run(args: argparse.Namespace) -> None:
     if estimate.status is not Status.OK:
         warn(f"{args.result} is not to be used: its status is {estimate.status.name}")
     evaluation = evaluate(estimate, truth, fps=args.fps)
-    text = evaluation_json(evaluation) if args.json else evaluation_text(evaluation, truth.metric)
-    print(text)
+    tell(args, evaluation_text(evaluation, truth.metric), asdict(evaluation))
 
 
 def evaluation_text(evaluation: Evaluation, metric: bool) -> str:
@@ -94,11 +90,6 @@ def evaluation_text(evaluation: Evaluation, metric: bool) -> str:
     return "\n".join(lines)
 
 
-def evaluation_json(evaluation: Evaluation) -> str:
-    """JSON object with the fields of `Evaluation`; ``null`` where there is no number."""
-    return json.dumps(_finite(asdict(evaluation)), indent=2, allow_nan=False)
-
-
 def _cameras(evaluation: Evaluation, unit: str) -> str:
     rows = [("camera", "rotation [rad]", "translation", f"centre [{unit}]", "offset")]
     for c in evaluation.cameras:
@@ -129,13 +120,3 @@ def _lenses(lenses: Sequence[LensError]) -> str:
 
 def _frames(frames: float) -> str:
     return f" ({frames:.3f} frames)" if math.isfinite(frames) else ""
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(v) for key, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from stcalib_ros.commands.terminal import tell
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
@@ -56,14 +57,25 @@ def run(args: argparse.Namespace) -> None:
     InputError
         A file is unusable, or the format cannot hold the calibration or people.
     CalibrationError
-        What the bag shows does not agree with the calibration.
+        The result is of a calibration that was refused, or what the bag shows does not agree with
+        it.
     """
     calibration = read_usable_result(args.result)
     people = () if args.bag is None else _people(args, calibration)
     export_calibration(calibration, args.output, args.format, people)
     unit = "metres" if calibration.metric else "the distance between the first two cameras is 1"
     what = f"{len(calibration.cameras)} cameras" + (f", {len(people)} people" if people else "")
-    print(f"Written to {args.output}: {what} ({unit})")
+    tell(
+        args,
+        f"Written to {args.output}: {what} ({unit})",
+        {
+            "written": str(args.output),
+            "format": args.format,
+            "cameras": [camera.name for camera in calibration.cameras],
+            "people": len(people),
+            "metric": calibration.metric,
+        },
+    )
 
 
 def _people(args: argparse.Namespace, calibration: Calibration) -> tuple[PersonTrajectory, ...]:

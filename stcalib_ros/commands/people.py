@@ -24,7 +24,8 @@ Triangulate the people of a bag by a calibration that there is, on the clock of 
 
 The bag is the calibrated one, or a later one of the same cameras and clocks. OUT.trc is for OpenSim
 and Pose2Sim: metres, y up, a file for each person (walk_P0.trc, ...). OUT.npz has everybody, in the
-frame and unit of the result, with standard deviations.
+frame and unit of the result, with standard deviations; OUT.mcap is a bag of PoseArray, a topic a
+person.
 
 `stcalib calibrate walk.mcap --output walk.yaml --people walk.trc` does both in one command.
 """
@@ -42,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         *("-o", "--output"),
         type=Path,
         required=True,
-        metavar="OUT.{trc,npz}",
+        metavar="OUT.{trc,npz,mcap}",
         help="file to write",
     )
     parser.add_argument(
@@ -60,6 +61,7 @@ def run(args: argparse.Namespace) -> None:
     CalibrationError
         What the bag shows does not agree with the calibration.
     """
+    from stcalib_ros.commands.terminal import tell
     from stcalib_ros.io.people_files import require_people_writable
     from stcalib_ros.io.results import read_usable_result
 
@@ -67,8 +69,17 @@ def run(args: argparse.Namespace) -> None:
     calibration = read_usable_result(args.result)
     recording, found = captured(args, calibration)
     written = write(calibration, found.people, recording, args.output)
-    print(f"Keypoints that fit: {_shares(found)}; {found.reprojection_rms_px:.2f} px (rms)")
-    print(people_text(found.people, calibration, written))
+    fit = f"Keypoints that fit: {_shares(found)}; {found.reprojection_rms_px:.2f} px (rms)"
+    tell(
+        args,
+        f"{fit}\n{people_text(found.people, calibration, written)}",
+        {
+            "written": [str(path) for path in written],
+            "people": [person.person_id for person in found.people],
+            "keypoints_that_fit": dict(found.explained),
+            "reprojection_rms_px": found.reprojection_rms_px,
+        },
+    )
 
 
 def captured(args: argparse.Namespace, calibration: Calibration) -> tuple[Recording, Capture]:

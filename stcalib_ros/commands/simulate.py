@@ -7,7 +7,14 @@ from dataclasses import Field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from stcalib_ros.commands.bag_and_truth import add_output_arguments, require_outputs, write_outputs
+from stcalib_ros.commands.bag_and_truth import (
+    add_output_arguments,
+    require_outputs,
+    write_outputs,
+    written_plain,
+    written_text,
+)
+from stcalib_ros.commands.terminal import tell
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.recording import Recording, keypoints_only, unknown_intrinsics
 from stcalib_ros.core.synthetic import BIAS_FORMS, LENS_MODELS, PEOPLE, SceneOptions, simulate
@@ -105,6 +112,7 @@ def run(args: argparse.Namespace) -> None:
     if args.unknown_lenses:
         recording = _without_lenses(recording)
     write_outputs(args, recording, scene.truth)
+    tell(args, written_text(args, recording), written_plain(args, recording))
 
 
 def _given_poses(recording: Recording, args: argparse.Namespace) -> Recording:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
-from collections.abc import Sequence
-from typing import TextIO
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.rejection_text import whole_sentences
+from stcalib_ros.io.json_files import json_text
 from stcalib_ros.wording import (
     clock_text,
     count,
@@ -31,10 +34,33 @@ _MAX_WARNING = 5000
 _BAR = 24
 """Characters. Width of the progress bar."""
 
+_SOON_S = 2.0
+"""Seconds. A stage that has taken less says nothing of the time that is left. Chosen."""
+
+_LITTLE = 0.05
+"""Fraction of a stage that has to be done before the time left can be estimated. Chosen."""
+
 
 def warn(message: str) -> None:
     """Print a warning."""
     print(f"stcalib: warning: {one_line(message, _MAX_WARNING)}", file=sys.stderr)
+
+
+def tell(args: argparse.Namespace, text: str, data: Any) -> None:
+    """Print what a command found or did: as text, with ``--json`` as one object, with ``-q`` not.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With those of `stcalib_ros.commands.parser.add_printing_arguments`.
+    text : str
+    data : mapping or list
+        The same as plain data.
+    """
+    if args.json:
+        print(json_text(data))
+    elif not args.quiet:
+        print(text)
 
 
 class ProgressPrinter:
@@ -44,30 +70,61 @@ class ProgressPrinter:
     ----------
     stream : file object or None
         Usually standard error; None: nothing is shown.
+    verbose : bool
+        A line for every stage that is done, with its duration, on a terminal, too.
+    clock : callable
+        Seconds that only grow.
     """
 
-    def __init__(self, stream: TextIO | None) -> None:
-        self._stream = stream
+    def __init__(
+        self,
+        stream: TextIO | None,
+        *,
+        verbose: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._stream, self._verbose, self._clock = stream, verbose, clock
         self._live = stream is not None and stream.isatty()
-        self._shown = ""
+        self._shown, self._stage, self._began = "", "", 0.0
 
     def __call__(self, stage: str, fraction: float) -> None:
         """Show that `fraction` of `stage` is done."""
+        if stage != self._stage:
+            self._end_stage()
+            self._stage, self._began = stage, self._clock()
+            if self._stream is not None and not (self._live or self._verbose):
+                print(stage, file=self._stream, flush=True)
         if self._live:
             done = round(_BAR * min(max(fraction, 0.0), 1.0))
             bar = "#" * done + "." * (_BAR - done)
-            self._replace(f"[{bar}] {stage}")
-        elif self._stream is not None and stage != self._shown:
-            self._shown = stage
-            print(stage, file=self._stream, flush=True)
+            self._replace(f"[{bar}] {stage}{self._time_left(fraction)}")
 
     def warn(self, message: str) -> None:
         """Print a warning without disturbing the line."""
-        self.close()
+        self._clear()
         warn(message)
 
     def close(self) -> None:
-        """Clear the line."""
+        """End the last stage, and clear the line."""
+        self._end_stage()
+        self._clear()
+
+    def _end_stage(self) -> None:
+        """Say how long the stage took, if that is wanted."""
+        if self._verbose and self._stage and self._stream is not None:
+            self._clear()
+            took = self._clock() - self._began
+            print(f"{took:6.1f} s  {self._stage}", file=self._stream, flush=True)
+        self._stage = ""
+
+    def _time_left(self, fraction: float) -> str:
+        """Seconds that the stage still takes if it goes on like this, once that can be said."""
+        elapsed = self._clock() - self._began
+        if elapsed < _SOON_S or not _LITTLE < fraction < 1.0:
+            return ""
+        return f", about {seconds_text(elapsed * (1.0 - fraction) / fraction)} left"
+
+    def _clear(self) -> None:
         if self._live and self._shown:
             self._replace("")
 
@@ -76,6 +133,18 @@ class ProgressPrinter:
             self._stream.write(f"\r\x1b[K{line}")
             self._stream.flush()
             self._shown = line
+
+
+def seconds_text(seconds: float) -> str:
+    """Say a duration as people do.
+
+    Examples
+    --------
+    >>> seconds_text(8.4), seconds_text(200.0)
+    ('8 s', '3 min 20 s')
+    """
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:

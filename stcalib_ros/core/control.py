@@ -47,4 +47,4 @@ class Control:
         """Report the progress of the adjustment, and its reprojection error so far."""
         if self.adjusted is not None:
             self.adjusted(latest.rms_px())
-        self.tick("bundle adjustment", fraction)
+        self.tick("joint refinement", fraction)

@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+_NEAR = 0.7
+"""Similarity of two words, 0..1, from which on one may be meant by the other: the ratio of difflib.
+At its usual
+0.6, evaluate is near to calbrate."""
+
 
 class StcalibError(Exception):
     """Base of every error this package raises on purpose.
@@ -40,3 +48,15 @@ def one_line(text: str, limit: int) -> str:
     """
     line = "".join(c if c.isprintable() else "?" for c in text[: limit + 1])
     return line if len(line) <= limit else f"{line[: limit - 3]}..."
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Say what a mistyped word could be; nothing if nothing is near.
+
+    Examples
+    --------
+    >>> did_you_mean("--outptu", ["--output", "--report"])
+    ': did you mean --output?'
+    """
+    near = get_close_matches(word, list(known), cutoff=_NEAR)
+    return f": did you mean {' or '.join(near)}?" if near else ""

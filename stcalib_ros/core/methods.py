@@ -80,7 +80,7 @@ def _register(problem: CalibrationProblem) -> Registered:
     views, tasks = problem.views, _pair_tasks(problem, problem.views)
     if any(views.lifted[c].lens_knowledge is not LensKnowledge.GIVEN for c in problem.cameras):
         views, tasks = _by_found_lenses(problem, tasks)
-    found = map_tasks(register, tasks, problem.executor, _ticks(problem, "pairwise registration"))
+    found = map_tasks(register, tasks, problem.executor, _ticks(problem, "matching camera pairs"))
     hypotheses = credible([h for hypotheses in found for h in hypotheses])
     require_parallax(views.lifted, hypotheses)
     return Registered(hypotheses, views=views)
@@ -90,7 +90,7 @@ def _by_found_lenses(
     problem: CalibrationProblem, tasks: Sequence[PairTask]
 ) -> tuple[LiftedViews, list[PairTask]]:
     """Lift the cameras by the lenses that the pairs agree on, and return the tasks by these."""
-    found = map_tasks(agreements, tasks, problem.executor, _ticks(problem, "lenses"))
+    found = map_tasks(agreements, tasks, problem.executor, _ticks(problem, "estimating lenses"))
     before = problem.views
     lenses = find_lenses(before.lifted, before.skeleton, tasks, found, problem.options.lens)
     views = with_lenses(before, lenses)
@@ -112,7 +112,7 @@ def _integrate(
     problem: CalibrationProblem, group: Sequence[int], pairs: Registered
 ) -> tuple[Rig, ...]:
     """Average over random spanning trees of the hypotheses."""
-    problem.control.tick("integration", 0.0)
+    problem.control.tick("joining all cameras", 0.0)
     options = problem.options
     rigs = integrate(
         group,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from numbers import Integral, Real
 from typing import Any, NamedTuple, TypeVar
 
-from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.errors import InputError, did_you_mean
 from stcalib_ros.core.model.clock_alignment import AUTO, clock_alignment
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.scale_cues import Distance, distances_from_list
@@ -358,7 +358,8 @@ def _overlay(options: _T, given: Mapping[str, Any], path: str) -> _T:
     changes: dict[str, Any] = {}
     for key, value in given.items():
         if key not in known:
-            raise InputError(f"unknown option {path}{key}: there are {', '.join(known)}")
+            near = did_you_mean(str(key), known) or f": there are {', '.join(known)}"
+            raise InputError(f"unknown option {path}{key}{near}")
         changes[key] = _converted(known[key], value, f"{path}{key}")
     return replace(options, **changes)  # type: ignore[type-var]
 

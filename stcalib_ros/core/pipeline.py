@@ -112,7 +112,7 @@ def run_stages(
     reference = require_usable(recording, options)
     method = METHODS[options.registration.method]
 
-    control.tick("lift", 0.0)
+    control.tick("checking the input", 0.0)
     screened = screen_input(recording, options)
     views = lift_views(screened.recording, options)
     hypotheses: tuple[RelativePose, ...] = ()

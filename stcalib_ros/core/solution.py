@@ -220,7 +220,7 @@ def check_solution(
     unsettled : int
         Number of cameras that the last iteration before refinement still moved.
     """
-    problem.control.tick("quality", 0.0)
+    problem.control.tick("checking the result", 0.0)
     views = problem.at(iterations[-1].rig).views
     checks = check_cameras(
         views.lifted,
@@ -291,7 +291,7 @@ def _reinstate_excluded(problem: CalibrationProblem, before: Solution) -> Soluti
     mirrored: dict[int, Rejection] = {}
     for c in problem.cameras:
         if c not in present and problem.exclusions.names[c] not in faulty:
-            problem.control.tick("registration of a camera that was left out", 0.0)
+            problem.control.tick("placing a camera that was left out", 0.0)
             task = (views.lifted, c, views.skeleton, before.last, problem.options)
             if (one := resect(*task)) is not None:
                 found[c] = one

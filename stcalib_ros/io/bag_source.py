@@ -107,4 +107,7 @@ def _kind_of(path: Path, unpacked: Path) -> tuple[type[McapSource | SqliteSource
             f"{path} is a ROS 1 bag; `rosbags-convert --src {path} --dst {path.stem}` (of the "
             "package rosbags) makes a ROS 2 bag of it"
         )
-    raise InputError(f"{path} is not a bag: it begins with {head[:8]!r}")
+    raise InputError(
+        f"{path} is not a bag: it begins with {head[:8]!r}; `stcalib convert` makes a bag of poses "
+        "in the files of other programs"
+    )

@@ -40,7 +40,9 @@ _QOS = yaml.safe_dump(
 """Keep last 10, reliable, volatile: offered so, best-effort subscribers are served as well."""
 
 
-class _Message(NamedTuple):
+class WrittenMessage(NamedTuple):
+    """A message of a bag that is written, as CDR."""
+
     stamp_ns: int
     topic: str
     data: bytes
@@ -106,13 +108,36 @@ def _is_folder_name(path: Path) -> bool:
     return path.suffix != ".mcap"
 
 
-def _write_file(topics: Mapping[str, str], messages: Sequence[_Message], path: Path) -> None:
+def _write_file(topics: Mapping[str, str], messages: Sequence[WrittenMessage], path: Path) -> None:
+    texts = {kind: TYPES[kind].schema_text() for kind in (PERSON_POSES.name, CAMERA_INFO.name)}
+    write_messages(topics, texts, messages, path)
+
+
+def write_messages(
+    topics: Mapping[str, str],
+    definitions: Mapping[str, str],
+    messages: Sequence[WrittenMessage],
+    path: Path,
+) -> None:
+    """Write messages as an MCAP file that the ROS 2 tools read.
+
+    Parameters
+    ----------
+    topics : mapping of str to str
+        Type of each topic.
+    definitions : mapping of str to str
+        Of each type, with those of its fields, see `MessageType.schema_text`.
+    messages : sequence of WrittenMessage
+        Ordered by stamp.
+    path : Path
+        Not written atomically.
+    """
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.ZSTD)
         writer.start(profile="ros2", library=f"stcalib_ros {__version__}")
         schemas = {
-            kind: writer.register_schema(kind, "ros2msg", TYPES[kind].schema_text().encode())
-            for kind in (PERSON_POSES.name, CAMERA_INFO.name)
+            kind: writer.register_schema(kind, "ros2msg", text.encode())
+            for kind, text in definitions.items()
         }
         metadata = {"offered_qos_profiles": _QOS}
         channels = {
@@ -138,7 +163,7 @@ def _topics(recording: Recording) -> dict[str, str]:
     return topics
 
 
-def _messages(recording: Recording) -> list[_Message]:
+def _messages(recording: Recording) -> list[WrittenMessage]:
     """All messages by stamp; a CameraInfo at the start of its camera and every second."""
     messages = [
         message
@@ -148,7 +173,7 @@ def _messages(recording: Recording) -> list[_Message]:
     return sorted(messages, key=lambda message: message.stamp_ns)
 
 
-def _camera_messages(camera: CameraRecording, epoch_ns: int) -> Iterator[_Message]:
+def _camera_messages(camera: CameraRecording, epoch_ns: int) -> Iterator[WrittenMessage]:
     rows_by_frame: dict[int, list[tuple[Track, int]]] = {}
     for track in camera.tracks:
         for row, frame in enumerate(track.frames):
@@ -157,13 +182,16 @@ def _camera_messages(camera: CameraRecording, epoch_ns: int) -> Iterator[_Messag
     for frame, stamp in enumerate(camera.stamps):
         stamp_ns = epoch_ns + round(float(stamp) * NS)
         if next_info is None or stamp_ns >= next_info:
-            yield _Message(stamp_ns, f"/{camera.name}/camera_info", _info_data(camera, stamp_ns))
+            yield WrittenMessage(
+                stamp_ns, f"/{camera.name}/camera_info", _info_data(camera, stamp_ns)
+            )
             next_info = stamp_ns + _INFO_EVERY_NS
         data = _poses_data(camera, stamp_ns, rows_by_frame.get(frame, []))
-        yield _Message(stamp_ns, f"/{camera.name}/person_poses", data)
+        yield WrittenMessage(stamp_ns, f"/{camera.name}/person_poses", data)
 
 
-def _header(cdr: CdrWriter, stamp_ns: int, frame_id: str) -> None:
+def write_header(cdr: CdrWriter, stamp_ns: int, frame_id: str) -> None:
+    """Append a ``std_msgs/Header``."""
     cdr.int32(stamp_ns // NS)
     cdr.uint32(stamp_ns % NS)
     cdr.string(frame_id)
@@ -172,7 +200,7 @@ def _header(cdr: CdrWriter, stamp_ns: int, frame_id: str) -> None:
 def _poses_data(camera: CameraRecording, stamp_ns: int, persons: list[tuple[Track, int]]) -> bytes:
     layout = camera.layout
     cdr = CdrWriter()
-    _header(cdr, stamp_ns, camera.frame_id)
+    write_header(cdr, stamp_ns, camera.frame_id)
     cdr.string(layout.name)
     cdr.strings(() if layout == LAYOUTS.get(layout.name) else layout.joint_names)
     cdr.boolean(_is_rectified(camera.intrinsics))
@@ -190,7 +218,7 @@ def _poses_data(camera: CameraRecording, stamp_ns: int, persons: list[tuple[Trac
 def _info_data(camera: CameraRecording, stamp_ns: int) -> bytes:
     info = fields_of_lens(camera.intrinsics)
     cdr = CdrWriter()
-    _header(cdr, stamp_ns, camera.frame_id)
+    write_header(cdr, stamp_ns, camera.frame_id)
     cdr.uint32(info.height)
     cdr.uint32(info.width)
     cdr.string(info.distortion_model)
@@ -207,7 +235,7 @@ def _is_rectified(lens: Intrinsics) -> bool:
     return not np.array_equal(lens.R_rect_cam, np.eye(3))
 
 
-def _metadata(topics: Mapping[str, str], messages: Sequence[_Message], file_name: str) -> str:
+def _metadata(topics: Mapping[str, str], messages: Sequence[WrittenMessage], file_name: str) -> str:
     """Content of ``metadata.yaml`` in the form of Humble, which later releases read as well."""
     start = messages[0].stamp_ns if messages else 0
     duration = {"nanoseconds": messages[-1].stamp_ns - start if messages else 0}

@@ -1,8 +1,9 @@
-"""JSON files in, with errors of one line."""
+"""JSON in, with errors of one line, and JSON out."""
 
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -27,3 +28,24 @@ def read_json(path: Path) -> Any:
         return json.loads(read_bounded(path, MAX_JSON_BYTES))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is not valid JSON: {error}") from error
+
+
+def json_text(plain: Any) -> str:
+    """Return plain data as one JSON value in a line.
+
+    Numbers that are not finite are null, for which JSON has no other word.
+
+    Examples
+    --------
+    >>> json_text({"offset_s": float("nan"), "cameras": ("cam0", "cam1")})
+    '{"offset_s": null, "cameras": ["cam0", "cam1"]}'
+    """
+    return json.dumps(_finite(plain), allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,4 +1,4 @@
-"""People as files: TRC, which OpenSim and Pose2Sim read, and NumPy arrays."""
+"""People as files: TRC, which OpenSim and Pose2Sim read, NumPy arrays, and bags."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
 from stcalib_ros.io.files import atomic_path, require_writable, write_text
+from stcalib_ros.io.people_bag import write_people_bag
 
-ENDINGS = (".trc", ".npz")
+ENDINGS = (".trc", ".npz", ".mcap")
 """What a file of people can be, by the end of its name."""
 
 _TRC_COLUMNS = (
@@ -86,7 +87,7 @@ def require_people_writable(path: Path) -> None:
 
 
 def write_people(content: PeopleFile, path: Path) -> tuple[Path, ...]:
-    """Write people: TRC files, one a person, or one file of NumPy arrays.
+    """Write people: TRC files, one a person, or one file of NumPy arrays or messages.
 
     Returns
     -------
@@ -96,6 +97,10 @@ def write_people(content: PeopleFile, path: Path) -> tuple[Path, ...]:
     """
     if path.suffix == ".npz":
         _write_npz(content, path)
+        return (path,)
+    if path.suffix == ".mcap":
+        frame_id = content.calibration.reference_frame
+        write_people_bag(content.people, content.epoch_ns, frame_id, path)
         return (path,)
     if len(content.people) == 1:
         paths = [path]

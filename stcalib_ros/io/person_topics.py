@@ -32,11 +32,15 @@ def merged_images(images: Sequence[PoseImage]) -> list[PoseImage]:
     Parameters
     ----------
     images : sequence of PoseImage
-        Of one type of message, each with some of the persons and without 3D poses.
+        Of one type of message, each with some of the persons and without 3D poses; those without
+        any are of the frame of the others, whatever they say.
     """
+    frames = [image.frame_id for image in images if len(image.track_ids)]
     by_stamp: dict[int, list[PoseImage]] = {}
     for image in images:
-        by_stamp.setdefault(image.stamp_ns, []).append(image)
+        is_empty = bool(frames) and not len(image.track_ids)
+        part = replace(image, frame_id=frames[0]) if is_empty else image
+        by_stamp.setdefault(image.stamp_ns, []).append(part)
     return [_merged(parts) for parts in by_stamp.values()]
 
 

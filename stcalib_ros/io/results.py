@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
-from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.errors import CalibrationError, InputError
 from stcalib_ros.core.geometry.so3 import quaternion_from_matrix
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import (
@@ -22,6 +21,7 @@ from stcalib_ros.core.model.calibration import (
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev, lens_knowledge
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.io.files import write_text
+from stcalib_ros.io.json_files import json_text
 from stcalib_ros.io.plausible import require_lens, require_name
 from stcalib_ros.io.reasons import (
     plain_reasons,
@@ -82,20 +82,8 @@ def result_text(calibration: Calibration) -> str:
 
 
 def result_json(calibration: Calibration) -> str:
-    """Return a calibration as one JSON object in a line, with the entries of the result file.
-
-    Numbers that are not finite are null, for which JSON has no other word.
-    """
-    return json.dumps(_finite(_plain(calibration)), allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    """Return plain data with None in the place of numbers that are not finite."""
-    if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}
-    if isinstance(value, list):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    """Return a calibration as one JSON object in a line, with the entries of the result file."""
+    return json_text(_plain(calibration))
 
 
 def read_usable_result(path: Path) -> Calibration:
@@ -104,11 +92,13 @@ def read_usable_result(path: Path) -> Calibration:
     Raises
     ------
     InputError
-        As `read_result`, or it is of a calibration that was refused.
+        As `read_result`.
+    CalibrationError
+        It is of a calibration that was refused.
     """
     calibration = read_result(path)
     if calibration.status is not Status.OK:
-        raise InputError(
+        raise CalibrationError(
             f"{path} is not to be used ({calibration.status.name}): {calibration.message}"
         )
     return calibration

@@ -29,6 +29,8 @@ def camera_name(pose_topic: str, pose_type: str = PERSON_POSES.name) -> str:
 def topics_of_people(pose_topic: str, types_by_topic: Mapping[str, str]) -> tuple[str, ...]:
     """All topics of the people of a camera, where every one has their own; else none.
 
+    With them comes the topic by which there is nobody.
+
     Parameters
     ----------
     pose_topic : str
@@ -40,8 +42,19 @@ def topics_of_people(pose_topic: str, types_by_topic: Mapping[str, str]) -> tupl
     if not TYPES[kind].topic_per_person:
         return ()
     name = camera_name(pose_topic, kind)
-    alike = sorted(topic for topic, other in types_by_topic.items() if other == kind)
-    return tuple(topic for topic in alike if camera_name(topic, kind) == name)
+    return tuple(
+        topic
+        for topic, other in sorted(types_by_topic.items())
+        if is_of_people(topic, other, kind) and camera_name(topic, other) == name
+    )
+
+
+def is_of_people(topic: str, type_name: str, pose_type: str) -> bool:
+    """Whether a topic is one person's of those of a type, or that by which there is nobody."""
+    if type_name == pose_type:
+        return True
+    last = topic.rpartition("/")[2]
+    return type_name == TYPES[pose_type].nobody_type and last in TYPES[type_name].topics
 
 
 def pose_topic_ranks(types_by_topic: Mapping[str, str]) -> dict[str, tuple[int, int]]:

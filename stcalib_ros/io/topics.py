@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.errors import InputError, did_you_mean
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.io.lens_files import fields_by_camera
 from stcalib_ros.io.lens_settings import (
@@ -155,7 +155,8 @@ def _topics(name: str, given: Any) -> CameraTopics:
         raise InputError(f"option camera.{name}: expected {', '.join(known)}, got {given!r}")
     for key, value in given.items():
         if key not in known:
-            raise InputError(f"unknown option camera.{name}.{key}: there are {', '.join(known)}")
+            near = did_you_mean(str(key), known) or f": there are {', '.join(known)}"
+            raise InputError(f"unknown option camera.{name}.{key}{near}")
         if key == "line_time_s" or key in LENS_KEYS:
             continue
         if not isinstance(value, str) or not value:

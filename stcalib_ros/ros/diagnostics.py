@@ -12,12 +12,13 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.model.rejection_text import sentence
 from stcalib_ros.core.monitoring.alarms import Verdict
-from stcalib_ros.io.message_types import Content, types_of
+from stcalib_ros.io.message_types import TYPES, Content, types_of
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.camera_buffer import Counts
 from stcalib_ros.ros.driver_lenses import OFF, DriverState
 from stcalib_ros.ros.limits import PROBLEM_S, REPEAT_STARVED_S, STARVED_S
 from stcalib_ros.ros.load import Load
+from stcalib_ros.ros.people_topics import topics_of_people
 from stcalib_ros.ros.worker import Step
 
 
@@ -59,7 +60,7 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
     lacking = []
     if counts.age_s > STARVED_S:
         ago = "none has come" if counts.received == 0 else f"the last came {counts.age_s:.0f} s ago"
-        publishers = publishers_of(node, camera.pose_topic, camera.pose_type)
+        publishers = _publishers_of_poses(node, camera)
         lacking.append(f"waits for poses, {ago}: {publishers}")
     elif counts.dropped and not counts.images:
         lacking.append(f"sends nothing that can be used: {counts.last_problem}")
@@ -102,6 +103,13 @@ def complaints(lacks: Mapping[str, str], counts: Mapping[str, Counts]) -> tuple[
         *((Complaint("starved", starved, REPEAT_STARVED_S),) if starved else ()),
         *(Complaint(f"no lens of {name}", said[name], math.inf) for name in once),
     )
+
+
+def _publishers_of_poses(node: Any, camera: SelectedCamera) -> str:
+    if not TYPES[camera.pose_type].topic_per_person:
+        return publishers_of(node, camera.pose_topic, camera.pose_type)
+    topics = ", ".join(topics_of_people(node, camera))
+    return f"there is {topics}" if topics else f"nobody publishes on {camera.pose_topic}"
 
 
 def publishers_of(node: Any, topic: str, wanted: str = "") -> str:

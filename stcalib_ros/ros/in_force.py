@@ -10,7 +10,7 @@ from typing import Any
 
 from rclpy.serialization import serialize_message
 
-from stcalib_ros.core.errors import InputError, one_line
+from stcalib_ros.core.errors import CalibrationError, InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.io.exports import export_format
 from stcalib_ros.io.history import History, Kept
@@ -101,7 +101,7 @@ class InForce:
         try:
             calibration = read_usable_result(path)
             self._require_usable(calibration)
-        except InputError as error:
+        except (InputError, CalibrationError) as error:
             where = "" if str(path) in str(error) else f"{path}: "
             raise InputError(f"initial_calibration: {where}{error}") from error
         return calibration

@@ -9,9 +9,11 @@ from types import SimpleNamespace
 from typing import Any
 
 from stcalib_ros.io.message_types import TYPES, decode
-from stcalib_ros.io.messages import NS
+from stcalib_ros.io.messages import NS, stamp_ns
+from stcalib_ros.io.person_topics import with_person_of_topic
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.buffers import Buffers
+from stcalib_ros.ros.gathering import Gatherer
 from stcalib_ros.ros.load import LossCounter, Meter
 
 Take = Callable[[bytes, Mapping[str, Any]], None]
@@ -35,23 +37,66 @@ class Intake:
     def __init__(self, cameras: Sequence[SelectedCamera], buffers: Buffers, meter: Meter) -> None:
         self._buffers, self._meter = buffers, meter
         self._losses = {camera.name: LossCounter() for camera in cameras}
+        self._people: dict[str, dict[str, LossCounter]] = {camera.name: {} for camera in cameras}
+        self._gatherers = {camera.name: Gatherer() for camera in cameras}
 
     def lost(self) -> dict[str, int]:
         """Messages of poses, by camera, that were published while we listened and never came."""
-        return {name: counter.lost for name, counter in self._losses.items()}
+        return {
+            name: counter.lost + sum(one.lost for one in self._people[name].values())
+            for name, counter in self._losses.items()
+        }
 
     def poses_of(self, camera: SelectedCamera) -> Take:
         """Callback for the poses of a camera."""
-        losses, add = self._losses[camera.name], self._buffers.add_poses
+        name, topic, kind = camera.name, camera.pose_topic, camera.pose_type
+        return self._taking(name, topic, kind, self._losses[name], self._buffers.add_poses)
 
+    def person_of(self, camera: SelectedCamera, topic: str, kind: str) -> Take:
+        """Callback for one of the topics of a camera of which every person has their own.
+
+        Parameters
+        ----------
+        camera : SelectedCamera
+        topic, kind : str
+            Name and type of the topic.
+        """
+        losses = self._people[camera.name].setdefault(topic, LossCounter())
+        gather = self._gatherers[camera.name].add
+
+        def add(name: str, message: SimpleNamespace) -> None:
+            message = with_person_of_topic(message, topic, kind)
+            try:
+                complete = gather(message) if stamp_ns(message) else [message]
+            except ValueError as error:
+                self._buffers.reject(name, f"{topic}: {error}")
+                return
+            self._buffers.heard(name)
+            for image in complete:
+                self._buffers.add_poses(name, image)
+
+        return self._taking(camera.name, topic, kind, losses, add)
+
+    def forget_person(self, camera: SelectedCamera, topic: str) -> None:
+        """Take note that a topic of `person_of` is not listened to any more."""
+        self._losses[camera.name].lost += self._people[camera.name].pop(topic).lost
+
+    def _taking(
+        self,
+        name: str,
+        topic: str,
+        kind: str,
+        losses: LossCounter,
+        add: Callable[[str, SimpleNamespace], None],
+    ) -> Take:
         def take(data: bytes, about: Mapping[str, Any]) -> None:
             begin = time.perf_counter()
             losses.came(about["publication_sequence_number"])
-            message = self._decoded(camera.name, camera.pose_topic, camera.pose_type, data)
+            message = self._decoded(name, topic, kind, data)
             if message is not None:
-                add(camera.name, message)
+                add(name, message)
             else:
-                self._buffers.heard(camera.name)
+                self._buffers.heard(name)
             self._meter.waited((time.time_ns() - about["received_timestamp"]) / NS)
             self._meter.held(time.perf_counter() - begin)
 

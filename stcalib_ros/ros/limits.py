@@ -79,6 +79,16 @@ MAX_OTHER_LENSES = 3
 """CameraInfos. So many that differ from the one in force are kept until it is clear which one is
 the camera's; as `MAX_ASIDE_STREAMS`."""
 
+# Where every person has a topic of their own -----------------------------------------------------
+
+GATHER_S = 0.5
+"""Seconds of stamps. An image is complete when a person of one so much newer has come: a pose
+estimator takes the persons of an image one after the other. Chosen; not verified on real nodes."""
+
+MAX_GATHERED = 100
+"""Images. So many wait at most for their other persons; of more, the oldest is taken as it is.
+Chosen: `GATHER_S` at 200 Hz."""
+
 # Whether it is worth a calibration --------------------------------------------------------------
 
 SAMPLE_S = 0.5

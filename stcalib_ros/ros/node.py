@@ -48,6 +48,7 @@ from stcalib_ros.ros.limits import (
     STOP_S,
 )
 from stcalib_ros.ros.load import Meter
+from stcalib_ros.ros.parameter_specs import calibrator_help, help_asked
 from stcalib_ros.ros.parameters import Settings, declare, settings_from
 from stcalib_ros.ros.publishers import Publishers
 from stcalib_ros.ros.readiness import Trigger, ready_cameras
@@ -253,6 +254,7 @@ class Calibrator:
 
     def _every_second(self) -> None:
         self._subscriptions.add_latched()
+        self._subscriptions.follow_people()
         self.in_force.save_again()
         counts = self.buffers.counts()
         self._watch(counts)
@@ -370,8 +372,11 @@ def main() -> int:
     Returns
     -------
     int
-        Exit status: 0 stopped, 2 unusable parameters.
+        Exit status: 0 stopped, or helped; 2 unusable parameters.
     """
+    if help_asked(sys.argv[1:]):
+        print(calibrator_help())
+        return 0
     stop = stop_on_signals()
     try:
         node = start_node("calibrator")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import itertools
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +23,9 @@ class Spec:
     high: float | None = None
     fixed: bool = False
 
+
+DEFAULT_POSES = "person_poses"
+"""Last part of the topic with the poses of a camera, unless another is given."""
 
 CAMERAS = Spec(
     "cameras",
@@ -173,7 +177,7 @@ def camera_specs(name: str) -> tuple[Spec, ...]:
     ['/cam0/person_poses', '/cam0/camera_info', '', 0.0]
     """
     specs = (
-        Spec("pose_topic", f"/{name}/person_poses", "Topic of its poses."),
+        Spec("pose_topic", f"/{name}/{DEFAULT_POSES}", "Topic of its poses."),
         Spec("info_topic", f"/{name}/camera_info", "Topic of its CameraInfo."),
         Spec("frame", "", "Its optical frame; empty: the frame_id of the poses."),
         Spec(
@@ -207,3 +211,45 @@ def all_specs(cameras: Iterable[str]) -> tuple[Spec, ...]:
     """All parameters but `CAMERAS`."""
     own = [spec for name in cameras for spec in camera_specs(name)]
     return (*own, *NODE_SPECS, *OPTION_SPECS)
+
+
+def help_asked(words: Sequence[str]) -> bool:
+    """Whether a node is only asked what it does; what follows ``--ros-args`` is for ROS."""
+    own = itertools.takewhile(lambda word: word != "--ros-args", words)
+    return not {"-h", "--help"}.isdisjoint(own)
+
+
+def node_help(node: str, what: str, specs: Iterable[Spec]) -> str:
+    """Return what a node does, how it is configured, and all its parameters.
+
+    Parameters
+    ----------
+    node : str
+        Name of the executable, and of the node.
+    what : str
+        One sentence.
+    specs : iterable of Spec
+    """
+    rows = [
+        f"  {spec.name} ({spec.default!r}{', fixed' if spec.fixed else ''})\n      {spec.text}"
+        for spec in specs
+    ]
+    return "\n".join(
+        [
+            f"usage: ros2 run stcalib_ros {node} --ros-args --params-file {node}.yaml",
+            "",
+            what,
+            "",
+            f"Parameters stand in {node}.yaml under {node}: ros__parameters:. The package has that",
+            "file with all defaults in config/. Those that are not fixed can be changed while the",
+            f"node runs: ros2 param set /{node} NAME VALUE.",
+            "",
+            *rows,
+        ]
+    )
+
+
+def calibrator_help() -> str:
+    """Return what the live node prints if it is asked for help."""
+    what = "Calibrates cameras from live topics, and watches whether the result still holds."
+    return node_help("calibrator", what, (CAMERAS, *all_specs(["CAMERA"])))

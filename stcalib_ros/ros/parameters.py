@@ -7,12 +7,11 @@ import re
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.errors import InputError, did_you_mean
 from stcalib_ros.core.monitoring.alarms import Thresholds
 from stcalib_ros.core.options import Options, options_from_mapping
 from stcalib_ros.io.lens_settings import LENS_KEYS, lens_settings, require_lens_groups
@@ -26,7 +25,13 @@ from stcalib_ros.ros.limits import (
     MAX_TEXT,
     MIN_CAMERAS,
 )
-from stcalib_ros.ros.parameter_specs import CAMERAS, OPTION_SPECS, Spec, all_specs
+from stcalib_ros.ros.parameter_specs import (
+    CAMERAS,
+    DEFAULT_POSES,
+    OPTION_SPECS,
+    Spec,
+    all_specs,
+)
 from stcalib_ros.ros.streams import Limits
 
 _QOS_OVERRIDES = "qos_overrides."
@@ -170,11 +175,22 @@ def _camera(name: str, values: Mapping[str, Any]) -> SelectedCamera:
     if pose_type not in known:
         raise InputError(f"{path}.pose_type: expected {' or '.join(known)}, got {pose_type!r}")
     if TYPES[pose_type].topic_per_person:
-        raise InputError(
-            f"{path}.pose_type: every person of {pose_type} has a topic of their own, which a node "
-            "cannot know in advance; record them, and calibrate the bag"
-        )
+        pose_topic = _topic_of_people(f"{path}.pose_topic", name, pose_topic, pose_type)
     return SelectedCamera(name, pose_topic, info_topic, frame or None, line_s, lens, pose_type)
+
+
+def _topic_of_people(path: str, name: str, given: str, pose_type: str) -> str:
+    """Topic with a ``*`` in place of the person's id; by convention if it was not given."""
+    known = TYPES[pose_type]
+    usual = "/".join(("", name, *known.node, "*", known.topics[0]))
+    if given == f"/{name}/{DEFAULT_POSES}":
+        return usual
+    if given.count("*") != 1 or given.split("/")[-2:-1] != ["*"]:
+        raise InputError(
+            f"{path}: every person of {pose_type} has a topic of their own; expected * in place of "
+            f"the id, as in {usual}, got {given!r}"
+        )
+    return given
 
 
 def _folder(given: str, node_name: str) -> Path:
@@ -229,9 +245,8 @@ def require_known(node: Any) -> None:
         if not node.has_parameter(name) and not name.startswith(_QOS_OVERRIDES)
     ]
     if unknown:
-        near = get_close_matches(unknown[0], node.get_parameters_by_prefix(""))
-        hint = f"did you mean {' or '.join(near)}?" if near else "see `ros2 param list`"
-        raise InputError(f"unknown parameter {unknown[0]}: {hint}")
+        near = did_you_mean(unknown[0], node.get_parameters_by_prefix(""))
+        raise InputError(f"unknown parameter {unknown[0]}{near or ': see `ros2 param list`'}")
 
 
 def declared(node: Any, spec: Spec) -> Any:

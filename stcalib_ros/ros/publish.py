@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stcalib_ros.cli import EPILOG, run_command
+from stcalib_ros.commands.parser import CommandParser
 
 if TYPE_CHECKING:
     from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
@@ -118,7 +119,7 @@ def _publish(argv: Sequence[str]) -> None:
 
 
 def _parsed(argv: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="publish",
         description=_DESCRIPTION,
         epilog=EPILOG,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from stcalib_ros.cli import EPILOG, run_command
 from stcalib_ros.commands import calibrate
+from stcalib_ros.commands.parser import CommandParser, add_printing_arguments
 from stcalib_ros.ros.limits import WAIT_S
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ published or played, and the exit status is 3.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command: those of ``stcalib calibrate`` and some for ROS."""
     calibrate.add_arguments(parser, output_required=False)
+    add_printing_arguments(parser)
     ros = parser.add_argument_group("ROS", "after BAG; what follows --ros-args is for ROS itself")
     ros.add_argument(
         "--publish",
@@ -102,7 +104,7 @@ def _replay(argv: Sequence[str]) -> None:
 
 
 def _parsed(argv: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="replay",
         description=_DESCRIPTION,
         epilog=EPILOG,

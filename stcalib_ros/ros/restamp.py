@@ -29,8 +29,14 @@ from stcalib_ros.ros.limits import (
     REPEAT_STARVED_S,
     STARVED_S,
 )
+from stcalib_ros.ros.parameter_specs import help_asked
 from stcalib_ros.ros.publishers import latched
-from stcalib_ros.ros.restamp_parameters import RelayedTopic, RelaySettings, declare_relay
+from stcalib_ros.ros.restamp_parameters import (
+    RelayedTopic,
+    RelaySettings,
+    declare_relay,
+    relay_help,
+)
 from stcalib_ros.ros.running import events_executor, spin_until, start_node, stop_on_signals
 
 _HEADER = "std_msgs/Header"
@@ -331,8 +337,11 @@ def main() -> int:
     Returns
     -------
     int
-        Exit status: 0 stopped, 2 unusable parameters or result file.
+        Exit status: 0 stopped, or helped; 2 unusable parameters or result file.
     """
+    if help_asked(sys.argv[1:]):
+        print(relay_help())
+        return 0
     stop = stop_on_signals()
     try:
         node = start_node("restamp")

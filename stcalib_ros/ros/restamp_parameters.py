@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.ros.parameter_specs import CAMERAS, Spec
+from stcalib_ros.ros.parameter_specs import CAMERAS, Spec, node_help
 from stcalib_ros.ros.parameters import declared, require_camera_names, require_known
 
 _RELIABILITIES = {
@@ -146,3 +146,9 @@ def _relayed_topic(parameter: str, camera: str, entry: str, latched: bool) -> Re
     if not topic or (type_name and not _TYPE.fullmatch(type_name)):
         raise InputError(f"{parameter}: {entry!r} is neither TOPIC nor TOPIC:PACKAGE/msg/TYPE")
     return RelayedTopic(camera, topic, type_name, latched)
+
+
+def relay_help() -> str:
+    """Return what the relay prints if it is asked for help."""
+    what = "Republishes topics with the stamps of the reference camera's clock."
+    return node_help("restamp", what, (CAMERAS, *relay_specs(["TOPIC"])))

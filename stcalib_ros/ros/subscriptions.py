@@ -9,10 +9,12 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from stcalib_ros.core.errors import InputError, one_line
+from stcalib_ros.io.message_types import TYPES
 from stcalib_ros.ros.convert import message_class
 from stcalib_ros.ros.intake import Intake, Take
 from stcalib_ros.ros.limits import MAX_LINE
 from stcalib_ros.ros.parameters import Settings
+from stcalib_ros.ros.people_topics import topics_of_people
 from stcalib_ros.ros.publishers import latched
 
 
@@ -30,11 +32,37 @@ class Subscriptions:
     def __init__(self, node: Any, settings: Settings, intake: Intake) -> None:
         self._node, self._cameras, self._intake = node, settings.cameras, intake
         self._latched: set[str] = set()
-        qos = QoSProfile(depth=settings.queue_depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._people: dict[str, dict[str, Any]] = {camera.name: {} for camera in settings.cameras}
+        self._max_people = settings.limits.max_persons
+        self._qos = QoSProfile(
+            depth=settings.queue_depth, reliability=ReliabilityPolicy.BEST_EFFORT
+        )
         for camera in settings.cameras:
-            take, take_info = intake.poses_of(camera), intake.info_of(camera)
-            self._listen(camera.pose_type, camera.pose_topic, take, qos)
-            self._listen(camera.info_type, camera.info_topic, take_info, qos)
+            if TYPES[camera.pose_type].topic_per_person:
+                message_class(camera.pose_type)
+            else:
+                take = intake.poses_of(camera)
+                self._listen(camera.pose_type, camera.pose_topic, take, self._qos)
+            take_info = intake.info_of(camera)
+            self._listen(camera.info_type, camera.info_topic, take_info, self._qos)
+        self.follow_people()
+
+    def follow_people(self) -> None:
+        """Listen to people who have come, where everyone has a topic, and to no one who has gone.
+
+        At most `max_persons` of a camera are followed at a time.
+        """
+        for camera in self._cameras:
+            if not TYPES[camera.pose_type].topic_per_person:
+                continue
+            there, followed = topics_of_people(self._node, camera), self._people[camera.name]
+            for topic in [topic for topic in followed if topic not in there]:
+                self._node.destroy_subscription(followed.pop(topic))
+                self._intake.forget_person(camera, topic)
+            for topic, kind in there.items():
+                if topic not in followed and len(followed) <= self._max_people:
+                    take = self._intake.person_of(camera, topic, kind)
+                    followed[topic] = self._listen(kind, topic, take, self._qos)
 
     def add_latched(self) -> None:
         """Listen once more where CameraInfo is latched.
@@ -56,14 +84,14 @@ class Subscriptions:
                 take = self._intake.info_of(camera)
                 self._listen(camera.info_type, camera.info_topic, take, latched())
 
-    def _listen(self, type_name: str, topic: str, take: Take, qos: QoSProfile) -> None:
+    def _listen(self, type_name: str, topic: str, take: Take, qos: QoSProfile) -> Any:
         """Subscribe without the events that rclpy would wait for besides, two per topic.
 
         They cost time: nothing is incompatible, and /diagnostics reports wrong types.
         """
         silent = SubscriptionEventCallbacks(use_default_callbacks=False)
         try:
-            self._node.create_subscription(
+            return self._node.create_subscription(
                 message_class(type_name), topic, take, qos, raw=True, event_callbacks=silent
             )
         except InvalidTopicNameException as error:

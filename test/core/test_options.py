@@ -33,8 +33,8 @@ def test_a_reference_may_be_left_to_the_first_camera():
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"ofset_range_s": 1.0}, "unknown option ofset_range_s: there are reference, offset_ran"),
-        ({"bundle": {"round": 1}}, "unknown option bundle.round: there are rounds"),
+        ({"ofset_range_s": 1.0}, "unknown option ofset_range_s: did you mean offset_range_s?"),
+        ({"bundle": {"round": 1}}, "unknown option bundle.round: did you mean rounds?"),
         ({"bundle": 3}, "option bundle holds further options, got 3"),
         ({"offset_range_s": "wide"}, "option offset_range_s: expected float, got 'wide'"),
         ({"seed": 1.5}, "option seed: expected int, got 1.5"),

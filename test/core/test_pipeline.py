@@ -226,12 +226,12 @@ def test_errors_fall_from_stage_to_stage(small_stages, small_scene):
 
 
 STAGES = [
-    "lift",
-    "pairwise registration",
-    "integration",
-    "first adjustment",
-    "bundle adjustment",
-    "quality",
+    "checking the input",
+    "matching camera pairs",
+    "joining all cameras",
+    "first joint refinement",
+    "joint refinement",
+    "checking the result",
 ]
 
 
@@ -295,8 +295,8 @@ def test_the_error_is_told_once_there_is_one(found, small_scene):
         adjusted=events.append,
     )
     told = [event for event in events if isinstance(event, float)]
-    assert len(told) == events.count("bundle adjustment")
-    assert all(isinstance(e, str) for e in events[: events.index("bundle adjustment") - 1])
+    assert len(told) == events.count("joint refinement")
+    assert all(isinstance(e, str) for e in events[: events.index("joint refinement") - 1])
     assert np.isfinite(told).all()
     assert told[-1] == pytest.approx(found.reprojection_rms_px, rel=0.2)
 

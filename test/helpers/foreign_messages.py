@@ -113,6 +113,16 @@ def write_foreign(
 
     ``{}`` in the topics is the name of the camera; with ``{id}`` every person has a topic.
     """
+    return write_bag(
+        path,
+        foreign_messages(recording, kind=kind, topic=topic, info_topic=info_topic, make=make),
+    )
+
+
+def foreign_messages(
+    recording: Recording, *, kind: str, topic: str, info_topic: str, make: MakeMessage
+) -> list[Message]:
+    """Return what `write_foreign` writes."""
     messages: list[Message] = []
     for camera in recording.cameras:
         lens = camera.intrinsics
@@ -138,7 +148,7 @@ def write_foreign(
                 message = make(camera, header(stamp_ns, camera.frame_id), part)
                 own = topic.format(camera.name, id=part[0].track_id if part else "")
                 messages.append((own, kind, message, stamp_ns))
-    return write_bag(path, messages)
+    return messages
 
 
 def yolo(camera: CameraRecording, stamped: dict[str, Any], persons: Persons) -> dict[str, Any]:
@@ -237,6 +247,71 @@ def hri(camera: CameraRecording, stamped: dict[str, Any], persons: Persons) -> d
             for name in HRI
         ],
     }
+
+
+def hiros(n_axes: int, **changes: Any) -> MakeMessage:
+    """A ``hiros_skeleton_msgs/SkeletonGroup``, sent later; two axes: in pixels."""
+
+    def make(camera: CameraRecording, stamped: dict[str, Any], persons: Persons) -> dict[str, Any]:
+        sent = stamped | {"stamp": stamped["stamp"] | {"nanosec": 7}}
+        bodies = [hiros_skeleton(stamped, seen, n_axes) | changes for seen in persons]
+        return {"header": sent, "skeletons": bodies}
+
+    return make
+
+
+def hiros_skeleton(
+    stamped: dict[str, Any],
+    seen: Seen,
+    n_axes: int,
+    named: Callable[[str], str] = str.upper,
+) -> dict[str, Any]:
+    """Markers named as LEFT_KNEE; pixels have no z."""
+    places = seen.joints if n_axes > len(("x", "y")) else seen.keypoints
+    places = {name: np.append(place, np.nan)[:3] for name, place in places.items()}
+    return {
+        "id": seen.track_id,
+        "src_time": stamped["stamp"],
+        "src_frame": stamped["frame_id"],
+        "max_markers": 32,
+        "max_links": 31,
+        "confidence": np.nan,
+        "bounding_box": {"center": at([np.nan] * 3), "height": 0.0, "length": 0.0, "width": 0.0},
+        "markers": [
+            {"id": number, "name": named(name), "confidence": 0.9, "center": at(place)}
+            for number, (name, place) in enumerate(places.items())
+        ],
+        "links": [
+            {
+                "id": 0,
+                "name": "thigh",
+                "parent_marker": 1,
+                "child_marker": 2,
+                "confidence": 0.9,
+                "center": at([np.nan] * 3),
+            }
+        ],
+    }
+
+
+def at(place: Sequence[float] | FloatArray) -> dict[str, Any]:
+    """A kinematic state of which only the place is known."""
+    unknown = dict.fromkeys("xyz", np.nan)
+    moving = {"linear": unknown, "angular": unknown}
+    position = dict(zip("xyz", map(float, place), strict=True))
+    pose = {"position": position, "orientation": unknown | {"w": np.nan}}
+    return {"pose": pose, "velocity": moving, "acceleration": moving}
+
+
+def hri_ids(recording: Recording, topic: str) -> list[Message]:
+    """``hri_msgs/IdsList`` of every image."""
+    messages: list[Message] = []
+    for camera in recording.cameras:
+        for stamp, persons in zip(camera.stamps, images_of(camera), strict=True):
+            stamp_ns = recording.epoch_ns + round(stamp * 1e9)
+            message = {"header": header(stamp_ns, ""), "ids": [str(p.track_id) for p in persons]}
+            messages.append((topic.format(camera.name), "hri_msgs/msg/IdsList", message, stamp_ns))
+    return messages
 
 
 def seen_in_depth(recording: Recording) -> Recording:

@@ -202,11 +202,16 @@ class Client:
             if (message := sent(raw)) is not None:
                 publishers[raw.topic].publish(message)
 
-    def play_completely(self, bag: Path, counts: Mapping[str, int]) -> None:
+    def play_completely(
+        self,
+        bag: Path,
+        counts: Mapping[str, int],
+        sent: Callable[[RawMessage], Any] = lambda raw: raw.data,
+    ) -> None:
         """Play until every image has arrived: best effort may lose some, another time not."""
         deadline = time.monotonic() + TIMEOUT_S
         while True:
-            self.play(bag)
+            self.play(bag, sent=sent)
             before: dict[str, int] = {}
             while (now := self.images(counts)) != before:
                 before = now

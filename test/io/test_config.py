@@ -34,7 +34,7 @@ def test_empty_file_is_the_default(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("- a", "expected options by name"),
-        ("offset_range: 1", "unknown option offset_range: there are"),
+        ("offset_range: 1", "unknown option offset_range: did you mean offset_range_s"),
         ("cameras: a", r"cameras: expected a list of names, got 'a'"),
         ("cameras: [a, b, a]", "two cameras with one name: a"),
         ("camera: [a]", "camera: expected a mapping"),

@@ -15,9 +15,23 @@ from stcalib_ros.io.formats import FORMATS
     ("files", "source", "message"),
     [
         ({}, "none", "no such file or folder: none"),
-        ({"x/a.mp4": b"0"}, "x", "x is a folder of 1 .mp4, and none of the formats"),
-        ({"x/a.mp4": b"0"}, "x/a.mp4", "a file .mp4 of 1 bytes, and none of the formats"),
-        ({"x/.hidden": b"0"}, "x", "x is an empty folder, and none of"),
+        ({"x/a.mp4": b"0"}, "x", "x has pictures (.mp4) and no poses: run a pose estimator on"),
+        ({"x/a.mp4": b"0"}, "x/a.mp4", "x/a.mp4 has pictures (.mp4) and no poses: run"),
+        ({"x/a.jpg": b"0", "x/b.md": b"0", "x/c.jpg": b"0"}, "x", "x has pictures (.jpg)"),
+        ({"x/.hidden": b"0"}, "x", "x is an empty folder: name the one to which the pose"),
+        ({"x/a.log": b"0", "x/b": b"0"}, "x", "a folder of 1 .log, 1 without ending, and none of"),
+        ({"x.zip": b"PK\x03\x04"}, "x.zip", "x.zip is an archive: unpack it, and name the folder"),
+        ({"x.docx": b"PK\x03\x04"}, "x.docx", "x.docx is a file .docx of 4 bytes, and none of"),
+        (
+            {"x.mcap": b"\x89MCAP0\r\n"},
+            "x.mcap",
+            "x.mcap is a bag already: `stcalib doctor x.mcap`",
+        ),
+        (
+            {"p.json": b'{"name": "x", "v": {"a": 1}}'},
+            "p.json",
+            'begins with "name", "v", "a", and',
+        ),
         (
             {"x.json": b'{"a": 1}'},
             "x.json",

@@ -196,7 +196,7 @@ def test_the_action_tells_its_progress_and_is_cancelled(client):
         Calibrate.Goal(), feedback_callback=lambda m: steps.append(m.feedback)
     )
     goal = client.result_of(sent, "the goal's answer")
-    client.wait(lambda: any(s.stage == "pairwise registration" for s in steps), "feedback")
+    client.wait(lambda: any(s.stage == "matching camera pairs" for s in steps), "feedback")
     client.result_of(goal.cancel_goal_async(), "the answer to the cancelling")
     ended = client.result_of(goal.get_result_async(), "the goal's result")
     assert ended.status == GoalStatus.STATUS_CANCELED

@@ -174,7 +174,7 @@ def test_what_the_watch_says_of_a_camera(state, lack, level):
     ],
 )
 def test_status_of_the_solver(in_force, last_status, level):
-    step = Step("run-2", "lift", 0.25)
+    step = Step("run-2", "checking the input", 0.25)
     running = solver_status("n", SolverState(step, in_force, "run-1", last_status, "why"))
     idle = solver_status("n", SolverState(None, in_force, "run-1", last_status, "why"))
     assert running.level == idle.level == level

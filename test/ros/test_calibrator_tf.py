@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import os
-import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -28,32 +26,7 @@ from stcalib_ros.io.history import History
 from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.results import read_result, write_result
 
-ROOT = Path(__file__).parents[2]
 PARAMETERS = {"cameras": "[cam0, cam1, cam2]"}
-
-
-@pytest.fixture(scope="module")
-def setup_file() -> Path:
-    """To be sourced for tf2_msgs, which has no wheel: built here from its one definition."""
-    if shutil.which("colcon") is None or "VIRTUAL_ENV" not in os.environ:
-        pytest.skip("needs colcon: make env, then source scripts/activate.sh")
-    folder, venv = ROOT / ".ros" / f"{os.environ['ROS_DISTRO']}-tf2", os.environ["VIRTUAL_ENV"]
-    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-    done = subprocess.run(
-        [
-            *("colcon", "--log-base", folder / "log", "build"),
-            *("--base-paths", ROOT / "test/ros/underlay"),
-            *("--build-base", folder / "build", "--install-base", folder / "install"),
-            *("--cmake-args", "-DBUILD_TESTING=OFF", f"-DPython3_EXECUTABLE={venv}/bin/python3"),
-        ],
-        env=environment | {"AMENT_PREFIX_PATH": venv, "CMAKE_PREFIX_PATH": venv},
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return folder / "install" / "local_setup.bash"
 
 
 def moved(record: Calibration) -> Calibration:

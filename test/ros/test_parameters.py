@@ -170,8 +170,14 @@ def test_the_type_of_the_poses_is_one_that_is_read():
     with pytest.raises(InputError, match=r"cam1\.pose_type: /cam0/person_poses cannot be both stc"):
         settings_from(values, node_name="/calibrator")
     values["camera.cam1.pose_type"] = "hri_msgs/msg/Skeleton2D"
-    with pytest.raises(InputError, match=r"has a topic of their own, .* calibrate the bag"):
+    said = (
+        r"cam1\.pose_topic: every .* expected \* in place of the id, as in /cam1/humans/bodies/\*/"
+    )
+    with pytest.raises(InputError, match=said):
         settings_from(values, node_name="/calibrator")
+    values["camera.cam1.pose_topic"] = "/cam1/person_poses"
+    _, camera = settings_from(values, node_name="/calibrator").cameras
+    assert camera.pose_topic == "/cam1/humans/bodies/*/skeleton2d"
     values["camera.cam1.pose_type"] = "sensor_msgs/msg/Image"
     said = r"camera\.cam1\.pose_type: expected stcalib_ros/.* or yolo_msgs/.*, got 'sensor_msgs/"
     with pytest.raises(InputError, match=said):

@@ -76,12 +76,12 @@ def test_what_is_not_to_be_used_is_not_published(
     result: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_result(replace(CALIBRATION, status=Status.DEGENERATE), result)
-    for path, why in (
-        (result, "is not to be used (DEGENERATE)"),
-        (result / "no", "Not a directory"),
+    for path, status, why in (
+        (result, 3, "is not to be used (DEGENERATE)"),
+        (result / "no", 2, "Not a directory"),
     ):
         monkeypatch.setattr("sys.argv", ["publish", str(path), "--ros-args", "-r", "__node:=a"])
-        assert main() == 2
+        assert main() == status
         (said,) = capsys.readouterr().err.splitlines()
         assert said.startswith("publish: ")
         assert why in said

@@ -24,11 +24,11 @@ from stcalib_ros.io.mocap import shipped_clips
 
 STAGES = [
     "assembly",
-    "lift",
-    "pairwise registration",
-    "integration",
-    "first adjustment",
-    "bundle adjustment",
+    "checking the input",
+    "matching camera pairs",
+    "joining all cameras",
+    "first joint refinement",
+    "joint refinement",
 ]
 
 
@@ -150,6 +150,6 @@ def test_it_stops_cleanly_in_every_stage(ready_nodes, record_property, folder, k
     client.wait(lambda: not any(map(alive, solver)), "the end of the solver's process")
     assert "Traceback" not in live.log.read_text()
     assert not (folder / client.target).exists(), "nothing is written"
-    if STAGES[k] == "bundle adjustment":
+    if STAGES[k] == "joint refinement":
         assert np.isfinite(steps[-1].feedback.reprojection_rms_px)
     action.destroy()

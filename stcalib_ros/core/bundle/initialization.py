@@ -114,7 +114,7 @@ def _initial_adjustments(
         )
         if starts and not _is_worth_trying(rig, rigs[0], k, complete=complete):
             break
-        tick("first adjustment", k / len(rigs))
+        tick("first joint refinement", k / len(rigs))
         try:
             starts.append(adjust(rig, exclusions))
         except Insufficient as reason:

@@ -198,6 +198,21 @@ class Calibration:
     rejections: tuple[Rejection, ...] = ()
     remarks: tuple[Remark, ...] = ()
 
+    def __str__(self) -> str:
+        """Return a short table: status, and a row for each camera."""
+        unit = "m" if self.metric else "baselines"
+        head = f"{self.status.name}, {self.reprojection_rms_px:.2f} px, positions in {unit}"
+        width = max((len(camera.name) for camera in self.cameras), default=0)
+        rows = [
+            f"{camera.name:<{width}}  x {x:+.3f}  y {y:+.3f}  z {z:+.3f}  "
+            f"clock {1e3 * camera.time_offset_s:+.1f} ms"
+            for camera in self.cameras
+            for x, y, z in [camera.t_ref_cam]
+        ]
+        missing = [f"{camera.name}: not calibrated" for camera in self.uncalibrated]
+        reason = [] if self.status is Status.OK else [self.message]
+        return "\n".join([head, *reason, *rows, *missing])
+
     @property
     def reference_frame(self) -> str:
         """Frame that the poses are expressed in; empty if there are no cameras."""

@@ -42,7 +42,7 @@ def register_pairs(
     pairs = [(a, b) for i, a in enumerate(cameras) for b in cameras[i + 1 :]]
     found = []
     for k, (a, b) in enumerate(pairs):
-        tick("pairwise registration", k / len(pairs))
+        tick("matching camera pairs", k / len(pairs))
         found.append(register(a, b, points[a], points[b], starts, lags, vmf, rng))
     return tuple(pair for pair in found if pair is not None)
 
@@ -84,7 +84,7 @@ def adjust_pairs(
         options.bundle,
         step_s=grid.step_s,
         window=window,
-        tick=lambda fraction: tick("bundle adjustment", fraction),
+        tick=lambda fraction: tick("joint refinement", fraction),
     )
 
 

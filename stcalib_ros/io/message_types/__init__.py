@@ -11,7 +11,8 @@ from stcalib_ros.io.cdr import CdrReader
 from stcalib_ros.io.limits import MAX_PADDING_BYTES
 from stcalib_ros.io.message_types.body_markers import BODY_MARKERS
 from stcalib_ros.io.message_types.camera_info import CAMERA_INFO
-from stcalib_ros.io.message_types.hri_skeletons import HRI_SKELETONS
+from stcalib_ros.io.message_types.hiros_skeletons import HIROS_SKELETONS
+from stcalib_ros.io.message_types.hri_skeletons import HRI_IDS, HRI_SKELETONS
 from stcalib_ros.io.message_types.message_type import Content, MessageType
 from stcalib_ros.io.message_types.person_poses import PERSON_POSES
 from stcalib_ros.io.message_types.pose_content import NO_TRACK
@@ -38,6 +39,8 @@ _KNOWN = (
     ZED_INTERFACES_BODIES,
     BODY_MARKERS,
     HRI_SKELETONS,
+    HRI_IDS,
+    HIROS_SKELETONS,
     CAMERA_INFO,
 )
 

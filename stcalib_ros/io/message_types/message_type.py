@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from types import SimpleNamespace
@@ -22,10 +22,13 @@ class Content(Enum):
         `stcalib_ros.io.message_types.pose_content`.
     INTRINSICS
         Those of ``sensor_msgs/CameraInfo``.
+    NOBODY
+        As POSES, of the images without persons only.
     """
 
     POSES = "person poses"
     INTRINSICS = "intrinsics"
+    NOBODY = "images without persons"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +62,8 @@ class MessageType:
         Topics of other names are something else.
     topic_per_person : bool
         A topic has the messages of one person, whose id is the last part of its namespace.
+    nobody_type : str
+        Where a topic is a person's: type of the topic, above theirs, by which there is nobody.
     node : tuple of str
         Last parts of namespaces that are the node's and not the camera's.
     info_topics : tuple of str
@@ -78,6 +83,7 @@ class MessageType:
     topics: tuple[str, ...] = ()
     only_these: bool = False
     topic_per_person: bool = False
+    nobody_type: str = ""
     node: tuple[str, ...] = ()
     info_topics: tuple[str, ...] = ()
     bytes_factor: int = 1
@@ -85,8 +91,13 @@ class MessageType:
 
     def schema_text(self) -> str:
         """Return the definition as bags carry it: with those of the fields' types after it."""
-        blocks = (f"{_SEPARATOR}\nMSG: {d.name}\n{d.text()}" for d in self.dependencies)
-        return self.definition() + "".join(blocks)
+        return schema_text(self.definition(), self.dependencies)
+
+
+def schema_text(definition: str, dependencies: Sequence[Definition]) -> str:
+    """Return a definition as bags carry it: with those of the fields' types after it."""
+    blocks = (f"{_SEPARATOR}\nMSG: {d.name}\n{d.text()}" for d in dependencies)
+    return definition + "".join(blocks)
 
 
 TIME = Definition("builtin_interfaces/Time", lambda: "int32 sec\nuint32 nanosec\n")

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePath
 
+from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.json_files import read_json
 from stcalib_ros.io.lens_files import lenses_of
 from stcalib_ros.io.sources.cameras import head, looked_at, with_suffix
@@ -62,7 +63,10 @@ def read_easymocap_2d(path: Path, files: Sequence[Path]) -> PoseSource:
 
 
 def _with_lens(camera: CameraPoses, file: Path) -> CameraPoses:
-    found = lenses_of(file, [camera.name.removeprefix("cam")], image_size=camera.size)
+    try:
+        found = lenses_of(file, [camera.name.removeprefix("cam")], image_size=camera.size)
+    except InputError as error:
+        return replace(camera, no_lens=str(error))
     return replace(camera, lens=next(iter(found.values())))
 
 

@@ -51,6 +51,9 @@ class CameraPoses:
         If the source has it.
     fps : float or None
         Frame rate by the source.
+    no_lens : str
+        Why there is no lens of this camera in the file that has those of the others; empty: the
+        source has no such file.
     """
 
     name: str
@@ -60,6 +63,7 @@ class CameraPoses:
     size: tuple[int, int] | None = None
     lens: Intrinsics | None = None
     fps: float | None = None
+    no_lens: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

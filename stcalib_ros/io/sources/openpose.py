@@ -5,7 +5,8 @@
     SOURCE/CAMERA/video_000000000001_keypoints.json     folders or the begin of names tell cameras
 
 ``people`` have ``pose_keypoints_2d``: x, y, score of BODY_25, COCO or other joints. ``person_id``
-is ``[-1]`` without tracking.
+is ``[-1]`` without tracking. With ``--keypoint_scale`` 3 or 4, x and y are 0 to 1 or -1 to 1 across
+the image, and what was not found is the corner with a score of 0.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path, PurePath
+from typing import NamedTuple
+
+import numpy as np
 
 from stcalib_ros.io.json_files import read_json
 from stcalib_ros.io.sources.cameras import head, looked_at, with_suffix
@@ -42,7 +46,35 @@ def read_openpose(path: Path, files: Sequence[Path]) -> PoseSource:
     """
     found: dict[PurePath, list[PersonInImage]]
     found = {file: _people(file) for file in with_suffix(files, ".json") if not _is_other(file)}
-    return PoseSource(path, cameras_of_images(path, found, complete=True))
+    scaled = _in_pixels_or_fractions(found)
+    return PoseSource(
+        path, cameras_of_images(path, scaled.found, complete=True), normalised=scaled.normalised
+    )
+
+
+class _Scaled(NamedTuple):
+    found: dict[PurePath, list[PersonInImage]]
+    normalised: bool
+
+
+def _in_pixels_or_fractions(found: dict[PurePath, list[PersonInImage]]) -> _Scaled:
+    """Return people in pixels as they are, and those in fractions of the image from 0 to 1."""
+    points = [person.points for people in found.values() for person in people]
+    known = [one[one[:, 2] > 0, :2] for one in points]
+    xy = np.concatenate(known) if known else np.zeros((0, 2))
+    if not xy.any() or np.abs(xy).max() > 1:
+        return _Scaled(found, normalised=False)
+    first, side = (-1.0, 2.0) if xy.min() < 0 else (0.0, 1.0)
+    return _Scaled(
+        {file: [_fractions(one, first, side) for one in people] for file, people in found.items()},
+        normalised=True,
+    )
+
+
+def _fractions(person: PersonInImage, first: float, side: float) -> PersonInImage:
+    points = np.where(person.points[:, 2:] > 0, person.points, 0.0)
+    points[:, :2] = np.where(points[:, 2:] > 0, (points[:, :2] - first) / side, 0.0)
+    return person._replace(points=points)
 
 
 def _is_other(file: Path) -> bool:

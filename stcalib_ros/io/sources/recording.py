@@ -41,6 +41,11 @@ _BY_COUNT = {
 """Layouts by the number of keypoints; the first 26 of Halpe's 136 are those of the body."""
 
 
+MAX_OUTSIDE = 0.5
+"""Fraction of a camera's keypoints that may be outside of its image; with more, the size is that of
+other images. Chosen: estimators place hidden joints of people at the edge outside, never most."""
+
+
 def recording_of_source(
     source: PoseSource, options: ConvertOptions, given: SourceOptions
 ) -> Recording:
@@ -131,6 +136,8 @@ def _stamps_ns(path: Path, camera: CameraPoses, options: ConvertOptions) -> IntA
 
 def _lens(path: Path, camera: CameraPoses, given: SourceOptions) -> Intrinsics:
     lens = given.lenses.get(camera.name, camera.lens)
+    if lens is None and camera.no_lens:
+        raise InputError(f"{camera.no_lens}; give the lenses with --intrinsics FILE")
     size = given.image_size or camera.size or ((lens.width, lens.height) if lens else None)
     if size is None:
         raise InputError(
@@ -158,6 +165,20 @@ def _tracks(
         points[..., :2] *= (lens.width, lens.height)
     known = np.isfinite(points).all(-1) & (points[..., :2] != 0).any(-1)
     furthest = float(np.abs(points[known][:, :2]).max(initial=0.0))
+    if 0 < furthest <= 1 and not source.normalised:
+        raise InputError(
+            f"{source.path}: all keypoints of {camera.name} are within 1 px of the corner of the "
+            "image, as if they were fractions of it: write them in pixels"
+        )
+    outside = ((points[known][:, :2] < 0) | (points[known][:, :2] > (lens.width, lens.height))).any(
+        1
+    )
+    if len(outside) and outside.mean() > MAX_OUTSIDE:
+        raise InputError(
+            f"{source.path}: {outside.mean():.0%} of the keypoints of {camera.name} are outside of "
+            f"its image of {lens.width} x {lens.height} px, up to {furthest:.0f} px: give "
+            "the size of the images in which they were found with --image-size"
+        )
     if furthest > MAX_KEYPOINT_PX:
         raise InputError(
             f"{source.path}: a keypoint of {camera.name} is {furthest:.6g} px from the corner of "

@@ -7,7 +7,7 @@ import struct
 import numpy as np
 import pytest
 from bag_helpers import assert_same, small_recording, write_raw
-from foreign_messages import hri, kinect, write_foreign, yolo, zed
+from foreign_messages import hiros, hri, kinect, write_foreign, yolo, zed
 
 from stcalib_ros.io.assemble import assemble_recording
 from stcalib_ros.io.bag import open_bag, read_bag
@@ -24,6 +24,7 @@ MAKERS = {
     "zed_msgs/msg/ObjectsStamped": ("/{}/zed_node/body_trk/skeletons", zed(2)),
     "zed_interfaces/msg/ObjectsStamped": ("/{}/zed_node/body_trk/skeletons", zed(0)),
     "visualization_msgs/msg/MarkerArray": ("/{}/body_tracking_data", kinect),
+    "hiros_skeleton_msgs/msg/SkeletonGroup": ("/{}/skeletons", hiros(3)),
     "hri_msgs/msg/Skeleton2D": ("/{}/humans/bodies/{id}/skeleton2d", hri),
 }
 KINDS = pytest.mark.parametrize("kind", MAKERS)

@@ -69,3 +69,13 @@ def test_unusable(
     arguments = [str(tmp_path / "x.json"), str(tmp_path / "o.mcap"), "--fps", "30", *SIZE]
     assert main(["convert", *arguments]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_fractions_of_the_image_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keypoints = [0.5, 0.25, 1.0] * 17
+    (tmp_path / "a.json").write_text(json.dumps([{"image_id": 1, "keypoints": keypoints}]))
+    arguments = ["--fps", "30", "--image-size", "1920x1080", "--format", "coco"]
+    assert main(["convert", str(tmp_path / "a.json"), str(tmp_path / "o.mcap"), *arguments]) == 2
+    assert "as if they were fractions of it: write them in pixels" in capsys.readouterr().err

@@ -44,3 +44,19 @@ def test_images_of_two_sizes(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     file.write_text(file.read_text().replace("1920", "640"))
     assert main(["convert", str(root), str(tmp_path / "o.mcap"), "--fps", "30"]) == 2
     assert "images of cam2 have 640 x 1080 and 1920 x 1080 px" in capsys.readouterr().err
+
+
+def test_a_camera_whose_lens_is_missing_takes_that_of_the_arguments(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = easymocap_2d(tmp_path / "p", lenses=True)
+    text = (root / "intri.yml").read_text().replace("1400.", "1401.", 1)
+    (root / "intri.yml").write_text(text.replace("K_2", "K_7").replace("dist_2", "dist_7"))
+    convert_it = ["convert", str(root), str(tmp_path / "o.mcap"), "--fps", "30"]
+    assert main(convert_it) == 2
+    said = capsys.readouterr().err
+    assert "intri.yml has no lens of 2: it has 1, 7, 3" in said
+    assert said.endswith("; give the lenses with --intrinsics FILE\n")
+    other = tmp_path / "intri.yml"
+    other.write_text(text.replace("K_", "K_cam").replace("dist_", "dist_cam"))
+    assert main([*convert_it, "--intrinsics", str(other)]) == 0

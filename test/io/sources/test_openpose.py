@@ -4,24 +4,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pose_files import FPS, N_FRAMES, assert_read, convert, scene, seen_by, write_lenses
+from pose_files import FPS, assert_read, convert, scene, seen_by, write_lenses
 from pose_writers import openpose, openpose_person, write_openpose_image
 
 from stcalib_ros.cli import main
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
-from stcalib_ros.io.results import read_result
+from stcalib_ros.io.bag import read_bag
 
 
-def test_two_commands_calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    source, lenses = openpose(tmp_path / "op", N_FRAMES), write_lenses(tmp_path / "lenses")
-    bag, result = tmp_path / "w.mcap", tmp_path / "w.yaml"
+def test_given_lenses_go_into_the_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, lenses = openpose(tmp_path / "op", 2), write_lenses(tmp_path / "lenses")
+    bag = tmp_path / "w.mcap"
     arguments = ["--fps", "30", "--intrinsics", str(lenses)]
     assert main(["convert", str(source), str(bag), *arguments]) == 0
     said = capsys.readouterr().out
     assert "Read as openpose" in said
     assert f"Next: stcalib calibrate {bag} --output w.yaml\n" in said
-    assert main(["calibrate", str(bag), "--output", str(result)]) == 0
-    assert [c.name for c in read_result(result).cameras] == ["cam0", "cam1", "cam2"]
+    for camera, own in zip(read_bag(bag).cameras, scene().cameras, strict=True):
+        np.testing.assert_allclose(camera.intrinsics.K, own.intrinsics.K)
 
 
 def test_without_a_lens_the_next_command_says_so(
@@ -60,6 +60,31 @@ def test_ids_and_times_in_names(tmp_path: Path) -> None:
         assert camera.name == own.name
         np.testing.assert_allclose(camera.stamps, 0.04 * np.arange(6))
         assert_read(camera, seen_by(own, "body_25", 6), tracked=True)
+
+
+@pytest.mark.parametrize(("first", "side"), [(0.0, 1.0), (-1.0, 2.0)])
+def test_fractions_of_the_image_are_pixels(tmp_path: Path, first: float, side: float) -> None:
+    """As with ``--keypoint_scale`` 3 and 4, where what was not found is a corner."""
+    own = scene().cameras[0]
+    for k, people in enumerate(seen_by(own, "body_25", 4)):
+        found = []
+        for one in people:
+            points = one.points / (1920 / side, 1080 / side, 1) + (first, first, 0)
+            found.append(openpose_person(one._replace(points=points)))
+        write_openpose_image(tmp_path / "op" / "a" / f"{k}.json", found)
+    recording = convert(tmp_path / "op", "--fps", "30", "--image-size", "1920x1080")
+    assert_read(recording.cameras[0], seen_by(own, "body_25", 4), tracked=False)
+
+
+def test_a_folder_of_two_recordings_is_noticed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("monday", "tuesday"):
+        openpose(tmp_path / "all" / name, 2)
+    convert(tmp_path / "all", "--fps", "30", "--image-size", "1920x1080")
+    said = capsys.readouterr().out
+    assert "Cameras in monday and tuesday have the same names" in said
+    assert f"convert one of them, {tmp_path / 'all' / 'monday'}\n" in said
 
 
 def test_one_camera_alone_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -103,7 +128,16 @@ def test_cameras_and_images_are_chosen(tmp_path: Path) -> None:
         (None, ["--cameras", "cam7"], "has no camera cam7: there are cam0, cam1, cam2"),
         (None, ["--frames", "50:60"], "cam0 has images 0 to 1, none of 50 to 60"),
         (None, ["--sigma-px", "1"], "--sigma-px is for data sets, but"),
-        (None, ["--truth", "t.yaml", "--fps", "30", "--image-size", "9x9"], "has no true poses"),
+        (
+            None,
+            ["--truth", "t.yaml", "--fps", "30", "--image-size", "1920x1080"],
+            "has no true poses",
+        ),
+        (
+            None,
+            ["--fps", "30", "--image-size", "64x48"],
+            "100% of the keypoints of cam0 are outside of its image of 64 x 48 px",
+        ),
         ('{"people": [{"pose_keypoints_2d": [1, 2]}]}', [], "is not a result of OpenPose"),
         ('{"people": [{"pose_keypoints_2d": "x"}]}', [], "is not a result of OpenPose"),
         ('{"people": 3}', [], "is not a result of OpenPose"),

@@ -44,9 +44,9 @@ def test_nothing_says_the_frame_rate(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_any_source_takes_what_its_videos_say(tmp_path: Path) -> None:
     trial = pose2sim(tmp_path, names=["cam01", "cam02", "cam03"], rate="'auto'")
     for k in range(3):
-        write_video(tmp_path / "films" / f"cam{k + 1:02d}.mp4", (640, 360), 10)
+        write_video(tmp_path / "films" / f"cam{k + 1:02d}.mp4", (1800, 1000), 10)
     arguments = ["--format", "openpose", "--videos", str(tmp_path / "films")]
     recording = convert(trial / "pose", *arguments)
     for camera in recording.cameras:
-        assert (camera.intrinsics.width, camera.intrinsics.height) == (640, 360)
+        assert (camera.intrinsics.width, camera.intrinsics.height) == (1800, 1000)
         np.testing.assert_allclose(np.diff(camera.stamps), 0.1, atol=1e-6)
