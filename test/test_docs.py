@@ -249,6 +249,8 @@ def exists(path: str) -> bool:
     if (interface := re.fullmatch(r"stcalib_ros/(msg|srv|action)/(\w+)", path)) is not None:
         kind, name = interface.groups()
         return (ROOT / kind / f"{name}.{kind}").is_file()
+    if (short := re.fullmatch(r"stcalib_ros/(\w+)", path)) is not None:  # within definitions
+        return (ROOT / "msg" / f"{short[1]}.msg").is_file() or in_checkout(path).exists()
     return in_checkout(path).exists()
 
 
