@@ -12,8 +12,8 @@ KINDS = {"msg": "Messages", "srv": "Services", "action": "Actions"}
 HEAD = """\
 # Messages, services and actions
 
-The definitions, with what every field means. Which topic has which: [live.md](live.md). This page is
-written by `python docs/messages.py`.
+The definitions, with what every field means. Which topic has which: [live.md](live.md). This page
+is written by `python docs/messages.py`.
 """
 
 
