@@ -245,7 +245,7 @@
   }
 
   // Everything in the middle of the view, with room for the names
-  const outline = [];
+  const outline = SCENE.where_people_are.map(vector);
   for (const x of [left, right]) for (const y of [near, far]) outline.push(vector([x, y, 0]));
   SCENE.cameras.forEach(function (camera) {
     outline.push(vector(camera.centre));
