@@ -29,6 +29,8 @@ from stcalib_ros.estimation.film_poses import (
     estimate_films,
 )
 from stcalib_ros.estimation.parts import FilmParts, TimedPoses
+from stcalib_ros.estimation.poses import ImagePoses
+from stcalib_ros.estimation.tracking import PersonTracker
 from stcalib_ros.io.convert_options import ConvertOptions
 from stcalib_ros.io.files import make_folder
 from stcalib_ros.io.film_files import film_id
@@ -189,7 +191,7 @@ def _camera(
         intrinsics=_lens(film, options.lenses.get(film.camera)),
         layout=layout,
         stamps=start_s + np.array([image.stamp_s for image in images], dtype=np.float64),
-        tracks=_tracks(images),
+        tracks=_tracks(images, layout),
     )
 
 
@@ -204,18 +206,21 @@ def _lens(film: Film, lens: Intrinsics | None) -> Intrinsics:
     return lens
 
 
-def _tracks(images: Sequence[TimedPoses]) -> tuple[Track, ...]:
-    """Return the persons; the calibration links tracks of one image each."""
-    tracks: list[Track] = []
-    for number, (_, poses) in enumerate(images):
-        for row in range(len(poses.keypoints)):
-            tracks.append(
-                Track(
-                    len(tracks),
-                    np.array([number]),
-                    poses.keypoints[row : row + 1],
-                    poses.joints[row : row + 1],
-                    poses.scores[row : row + 1],
-                )
-            )
-    return tuple(tracks)
+def _tracks(images: Sequence[TimedPoses], layout: Layout) -> tuple[Track, ...]:
+    """Return the persons, followed from image to image."""
+    tracker = PersonTracker(layout)
+    seen: dict[int, list[tuple[int, ImagePoses, int]]] = {}
+    for number, (stamp_s, poses) in enumerate(images):
+        mended, ids = tracker.follow(stamp_s, poses)
+        for row, person in enumerate(ids):
+            seen.setdefault(int(person), []).append((number, mended, row))
+    return tuple(
+        Track(
+            person,
+            np.array([number for number, _, _ in rows]),
+            np.stack([poses.keypoints[row] for _, poses, row in rows]),
+            np.stack([poses.joints[row] for _, poses, row in rows]),
+            np.stack([poses.scores[row] for _, poses, row in rows]),
+        )
+        for person, rows in seen.items()
+    )

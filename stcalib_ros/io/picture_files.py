@@ -66,7 +66,7 @@ def write_picture(path: Path, images: Iterable[UInt8Array], *, rate_hz: float) -
 
 def _write_film(path: Path, first: UInt8Array, others: Iterable[UInt8Array], rate_hz: float) -> int:
     height, width = first.shape[:2]
-    code = cv2.VideoWriter.fourcc(*"mp4v")
+    code = cv2.VideoWriter.fourcc(*"vp09")  # which browsers play, and OpenCV's wheels can write
     writer = cv2.VideoWriter(str(path.absolute()), cv2.CAP_FFMPEG, code, rate_hz, (width, height))
     if not writer.isOpened():
         raise InputError(f"cannot write the film {path}: this OpenCV has no encoder; draw a .png")
