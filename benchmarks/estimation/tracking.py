@@ -43,13 +43,13 @@ APART = 0.05
 changes no calibration. Chosen: a few times the noise of keypoints."""
 KINDS = {"walkers": "procedural", "dancers": "mocap"}
 """What people do: they walk about, or also box, jump, run and dance."""
-MAX_SWITCHES = {"walkers": (0.002, 0.0005, 0.0005), "dancers": (0.05, 0.01, 0.0025)}
+MAX_SWITCHES = {"walkers": (0.02, 0.006, 0.0015), "dancers": (0.05, 0.01, 0.0025)}
 """Fraction of the poses at which a track goes on to somebody else, at most; by `RATES`. Chosen; of
 dancers, at what linking in the calibration has, `stcalib_ros.core.lifting.track_linking`."""
 MAX_MADE = 0.02
 """Fraction of the poses with right sides in which a part is exchanged, at most. Chosen: a tenth of
 what a calibration takes as outliers."""
-MAX_LEFT = {"walkers": (0.8, 0.25, 0.15), "dancers": (1.0, 0.75, 0.3)}
+MAX_LEFT = {"walkers": (0.8, 0.35, 0.15), "dancers": (1.0, 0.75, 0.3)}
 """Fraction of the poses with an exchanged body in which it still is, at most; by `RATES`. Chosen:
 at 5 Hz dancers turn round between two images."""
 
