@@ -21,10 +21,9 @@ from rclpy.task import Future
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
-from stcalib_ros.core.monitoring.alarms import State, Verdict
+from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.core.monitoring.replacement import should_replace
 from stcalib_ros.io.history import History
-from stcalib_ros.io.stamps import SAME_CLOCK
 from stcalib_ros.msg import CalibrationResult
 from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.camera_buffer import Counts
@@ -32,6 +31,7 @@ from stcalib_ros.ros.convert import calibration_result, time_message
 from stcalib_ros.ros.diagnostics import (
     SolverState,
     camera_status,
+    changed_line,
     complaints,
     load_status,
     solver_status,
@@ -50,11 +50,12 @@ from stcalib_ros.ros.limits import (
 from stcalib_ros.ros.load import Meter
 from stcalib_ros.ros.parameters import Settings, declare, settings_from
 from stcalib_ros.ros.publishers import Publishers
-from stcalib_ros.ros.readiness import Trigger, ready_cameras
+from stcalib_ros.ros.readiness import Trigger, moving_since, ready_cameras
 from stcalib_ros.ros.running import spin_until, start_node, stop_on_signals
 from stcalib_ros.ros.services import Feedback, Run, Services
 from stcalib_ros.ros.subscriptions import Subscriptions
 from stcalib_ros.ros.throttle import Throttle
+from stcalib_ros.ros.views import Views
 from stcalib_ros.ros.watcher import Watcher
 from stcalib_ros.ros.worker import Job, Outcome, Worker, failure
 
@@ -94,10 +95,12 @@ class Calibrator:
         self._subscriptions = Subscriptions(node, self.settings, self._intake)
         self.services = Services(node, self)
         self._drivers = DriverLenses(node, self.settings.set_camera_info)
+        publishers = Publishers(node, self.settings)
+        self._views = Views(node, self.settings, self.buffers, publishers)
         self.in_force = InForce(
             History(self.settings.results_folder, keep=self.settings.keep_results),
             [camera.name for camera in self.settings.cameras],
-            Publishers(node, self.settings),
+            publishers,
             self.message,
             self.log,
         )
@@ -200,6 +203,7 @@ class Calibrator:
         if self.in_force.calibration is not None:
             self._trigger.settle(True)
         self._solver = replace(self._solver, in_force=self.in_force.run_id)
+        self._views.begin(self.in_force.calibration)
         self._begin_watch()
 
     def _begin_watch(self) -> None:
@@ -256,6 +260,7 @@ class Calibrator:
         self.in_force.save_again()
         counts = self.buffers.counts()
         self._watch(counts)
+        self._views.refresh(self.settings, counts, self.watcher.verdicts)
         lacks = self._publish_diagnostics(counts)
         for subject, line, every_s in complaints(lacks, counts):
             self._throttle(subject, line, every_s=every_s)
@@ -278,36 +283,21 @@ class Calibrator:
         )
 
     def _report(self, verdict: Verdict) -> None:
-        if not verdict.state.alarm:
-            self.log.info(verdict.sentence())
-        elif not verdict.state.changed:
-            self.log.warning(verdict.sentence())
-        elif self.settings.auto_recalibrate:
-            self._trigger = Trigger()
-            self.log.error(f"{verdict.sentence()}; calibrating again as soon as people have moved")
-        else:
-            undo = "" if verdict.state is State.DRIFTED else "undo the change, or "
-            self.log.error(
-                f"{verdict.sentence()}; {undo}let people walk and call ~/recalibrate_now"
-            )
+        say, line = self.log.info, verdict.sentence()
+        if verdict.state.changed:
+            say, line = self.log.error, changed_line(verdict, again=self.settings.auto_recalibrate)
+            if self.settings.auto_recalibrate:
+                self._trigger = Trigger()
+        elif verdict.state.alarm:
+            say = self.log.warning
+        say(line)
 
     def _consider(self) -> None:
         """Calibrate unasked, if enough was seen since something happened."""
-        since_s, clocks = self.watcher.changed_s, self.in_force.clocks
-        moving = {
-            name: frozenset(
-                second
-                for second in seconds
-                if second >= clocks.get(name, SAME_CLOCK).camera_time(since_s)
-            )
-            for name, seconds in self.buffers.moving().items()
-        }
+        moving = moving_since(self.buffers.moving(), self.watcher.changed_s, self.in_force.clocks)
+        slack_s = 2.0 * self.settings.options.offset_range_s
         ready = frozenset(
-            ready_cameras(
-                moving,
-                min_motion_s=self.settings.min_motion_s,
-                slack_s=2.0 * self.settings.options.offset_range_s,
-            )
+            ready_cameras(moving, min_motion_s=self.settings.min_motion_s, slack_s=slack_s)
         )
         now_s = self.buffers.newest_s()
         window_s = self.settings.limits.window_s
@@ -332,7 +322,8 @@ class Calibrator:
                 load_status(prefix, self._meter.load(), lost, newly_lost=newly_lost),
                 *(
                     camera_status(
-                        prefix, c, counts[n], lacks[n], verdicts.get(n), drivers.get(n, OFF)
+                        *(prefix, c, counts[n], lacks[n], verdicts.get(n)),
+                        *(drivers.get(n, OFF), self._views.coverage.get(n)),
                     )
                     for n, c in cameras.items()
                 ),

@@ -125,7 +125,7 @@ def test_who_comes_late_gets_everything(client, answer):
         (o.camera, o.offset_s, answer.result.header) for o in result.time_offsets
     ]
     (markers,) = client.latched(MarkerArray, "markers", 1)
-    assert [m.text for m in markers.markers if m.text] == CAMERAS
+    assert [m.text for m in markers.markers if m.ns == "names"] == CAMERAS
 
 
 def test_it_is_saved_and_in_force(client, answer, folder, offline):

@@ -100,7 +100,7 @@ def test_the_result_stays_published_until_interrupted(folder, bag, offline):
         ]
         assert len(client.latched(TimeOffset, "time_offsets", 3)) == 3
         (markers,) = client.latched(MarkerArray, "markers", 1)
-        assert [m.text for m in markers.markers if m.text] == ["cam0", "cam1", "cam2"]
+        assert [m.text for m in markers.markers if m.ns == "names"] == ["cam0", "cam1", "cam2"]
         assert read_result(output).status is Status.OK
         client.wait(lambda: "until interrupted (Ctrl-C)" in live.log.read_text(), "that it is said")
         status, seconds = live.stop(signal.SIGINT)
