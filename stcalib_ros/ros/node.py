@@ -43,7 +43,6 @@ from stcalib_ros.ros.intake import Intake
 from stcalib_ros.ros.limits import (
     CHECK_S,
     MAX_LINE,
-    MIN_CAMERAS,
     STARVED_S,
     STOP_S,
 )
@@ -51,6 +50,7 @@ from stcalib_ros.ros.load import Meter
 from stcalib_ros.ros.parameters import Settings, declare, settings_from
 from stcalib_ros.ros.publishers import Publishers
 from stcalib_ros.ros.readiness import Trigger, moving_since, ready_cameras
+from stcalib_ros.ros.requests import Wanted
 from stcalib_ros.ros.running import spin_until, start_node, stop_on_signals
 from stcalib_ros.ros.services import Feedback, Run, Services
 from stcalib_ros.ros.subscriptions import Subscriptions
@@ -134,37 +134,43 @@ class Calibrator:
         feedback : callable, optional
             Called with every step.
         """
+        wanted = self._wanted(cameras, start_s, end_s)
+        if (refused := self._refused(wanted)) is not None:
+            return refused
+        run = Run(uuid.uuid4().hex[:12], Future(), feedback)
+        wrong = self.watcher.complaint if wanted.start_s >= self.watcher.changed_s else ""
+        images, options = wanted.images, self.settings.options
+        self.worker.start(Job(run.run_id, images, options, requested, wrong))
+        self.run = run
+        self.log.info(f"run {run.run_id} starts with {', '.join(c.name for c in images)}")
+        self._publish_diagnostics(wanted.counts)
+        return run
+
+    def refusal(
+        self,
+        *,
+        cameras: Iterable[str] = (),
+        start_s: float = -math.inf,
+        end_s: float = math.inf,
+    ) -> Calibration | None:
+        """Return a failure that says why a run cannot start, or None; see `start`."""
+        return self._refused(self._wanted(cameras, start_s, end_s))
+
+    def _wanted(self, cameras: Iterable[str], start_s: float, end_s: float) -> Wanted:
+        """Collect what a run would be made of."""
         names = tuple(cameras)
-        if self.run is not None:
-            return failure(Status.CANCELLED, f"not started: run {self.run.run_id} is under way")
-        known = [camera.name for camera in self.settings.cameras]
-        if unknown := [name for name in names if name not in known]:
-            wrong = one_line(", ".join(unknown), MAX_LINE)
-            return failure(
-                Status.INSUFFICIENT_DATA,
-                f"not started: no camera {wrong}; there are {', '.join(known)}",
-            )
         if start_s == -math.inf:
             start_s = self.watcher.changed_s
         clocks = self.in_force.clocks
         images = self.buffers.snapshot(names, start_s=start_s, end_s=end_s, clocks=clocks)
-        counts = self.buffers.counts()
-        ready = [camera.name for camera in images if counts[camera.name].no_lens is None]
-        if len(ready) < MIN_CAMERAS:
-            there = ", ".join(ready) or "none"
-            return failure(
-                Status.INSUFFICIENT_DATA,
-                "not started: at least two cameras with poses and CameraInfo are needed, there "
-                f"is {there}; /diagnostics says what the others wait for",
-            )
-        run = Run(uuid.uuid4().hex[:12], Future(), feedback)
-        wrong = self.watcher.complaint if start_s >= self.watcher.changed_s else ""
-        if not self.worker.start(Job(run.run_id, images, self.settings.options, requested, wrong)):
+        return Wanted(names, start_s, images, self.buffers.counts())
+
+    def _refused(self, wanted: Wanted) -> Calibration | None:
+        if self.run is not None:
+            return failure(Status.CANCELLED, f"not started: run {self.run.run_id} is under way")
+        if self.worker.step is not None:
             return failure(Status.CANCELLED, "not started: the solver has not ended yet")
-        self.run = run
-        self.log.info(f"run {run.run_id} starts with {', '.join(c.name for c in images)}")
-        self._publish_diagnostics(counts)
-        return run
+        return wanted.refusal([camera.name for camera in self.settings.cameras])
 
     def cancel(self) -> None:
         """Cancel the run in progress."""

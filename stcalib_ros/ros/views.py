@@ -153,7 +153,7 @@ class Views:
         if self._calibration is None or not self._people.get_subscription_count():
             return
         self._ticks += 1
-        if self._ticks % _TICKS_A_LOOK == 0 and self._lookout.ready:
+        if self._arriving and self._ticks % _TICKS_A_LOOK == 0 and self._lookout.ready:
             self._lookout.look(self._buffers.snapshot(), self._arriving, self._settings.options)
         if (time_s := self._lookout.time_to_show_s()) is None:
             return
@@ -166,7 +166,9 @@ class Views:
             up=self._T_ref_view[:3, 2],
             pen=pen,
         )
-        self._people.publish(self._people_shown.update(markers, pen))
+        shown = self._people_shown.update(markers, pen)
+        if shown.markers:
+            self._people.publish(shown)
 
     def _show_frame(self, windows: Iterable[CameraImages]) -> None:
         """Publish the frame to look from; once people have walked a while, they give it."""

@@ -188,6 +188,14 @@ def test_an_unknown_camera_is_refused(client):
     assert said.result.message.endswith("no camera cam9; there are cam0, cam1, cam2, cam3")
 
 
+def test_a_goal_that_cannot_start_is_rejected(client):
+    action = ActionClient(client.node, Calibrate, "/asked/calibrate")
+    client.wait(action.server_is_ready, "the action")
+    sent = action.send_goal_async(Calibrate.Goal(cameras=["cam0", "cam9"]))
+    assert not client.result_of(sent, "the goal's answer").accepted
+    action.destroy()
+
+
 def test_the_action_tells_its_progress_and_is_cancelled(client):
     action = ActionClient(client.node, Calibrate, "/asked/calibrate")
     client.wait(action.server_is_ready, "the action")
