@@ -175,6 +175,15 @@ above what discovery takes; not measured."""
 REPEAT_S = 5.0
 """Seconds. A warning about one subject is repeated no sooner; the log stays readable."""
 
+ASIDE_WARN_S = 2.0
+"""Seconds. Images that were set aside are reported after so long: by then a camera that has changed
+is known as such (`QUIET_S` and `CONFIRMING_IMAGES` at 10 Hz), and all cameras of a bag that begins
+again have done so."""
+
+REPEAT_RESTART_S = 300.0
+"""Seconds. A warning that time begins again is repeated no sooner: a bag of 10 s that is played in
+a loop all day gives one line every five minutes."""
+
 REPEAT_STARVED_S = 30.0
 """Seconds. The same for a camera or topic that is starved, which can last for hours."""
 

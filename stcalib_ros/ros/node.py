@@ -25,6 +25,7 @@ from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.core.monitoring.replacement import should_replace
 from stcalib_ros.io.history import History
 from stcalib_ros.msg import CalibrationResult
+from stcalib_ros.ros.buffer_warnings import BufferWarnings
 from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.camera_buffer import Counts
 from stcalib_ros.ros.convert import calibration_result, time_message
@@ -81,7 +82,8 @@ class Calibrator:
         self.settings = settings_from(self._values, node_name=node.get_fully_qualified_name())
         self._throttle = Throttle(self.log.warning)
         self._throttle.not_before("starved", STARVED_S)
-        self.buffers = Buffers(self.settings.cameras, self.settings.limits, self._throttle)
+        self._warnings = BufferWarnings(self._throttle)
+        self.buffers = Buffers(self.settings.cameras, self.settings.limits, self._warnings)
         self.buffers.set_default(LensKnowledge(self.settings.options.intrinsics))
         self.run: Run | None = None
         self._solver = SolverState()
@@ -265,6 +267,7 @@ class Calibrator:
         self._subscriptions.add_latched()
         self.in_force.save_again()
         counts = self.buffers.counts()
+        self._warnings.settle()
         self._watch(counts)
         self._views.refresh(self.settings, counts, self.watcher.verdicts)
         lacks = self._publish_diagnostics(counts)

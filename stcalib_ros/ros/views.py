@@ -21,7 +21,7 @@ from stcalib_ros.ros.convert import time_message
 from stcalib_ros.ros.coverage import CameraCoverage, Coverage, image_size
 from stcalib_ros.ros.coverage_markers import CameraState, coverage_markers
 from stcalib_ros.ros.image_planes import planes_of
-from stcalib_ros.ros.limits import CHECK_S, GONE_S, SHOWN_HZ, SIGHT_S, VIEW_PEOPLE_S
+from stcalib_ros.ros.limits import BACKWARDS_S, CHECK_S, GONE_S, SHOWN_HZ, SIGHT_S, VIEW_PEOPLE_S
 from stcalib_ros.ros.lookout import Lookout
 from stcalib_ros.ros.marker_shapes import Pen, duration
 from stcalib_ros.ros.parameters import Settings
@@ -82,7 +82,7 @@ class Views:
         self._calibration: Calibration | None = None
         self._T_ref_view = np.eye(4)
         self._walked: list[SeenPerson] = []
-        self._walked_until_s = -math.inf
+        self._walked_s, self._walked_until_s = 0.0, -math.inf
         self._arriving: Mapping[str, float] = {}
         self._ticks = 0
         self._follower = Coverage(camera.name for camera in settings.cameras)
@@ -94,7 +94,7 @@ class Views:
         """Show people by another calibration from now on."""
         self._lookout.begin(calibration)
         self._calibration = calibration
-        self._walked, self._walked_until_s = [], -math.inf
+        self._walked, self._walked_s, self._walked_until_s = [], 0.0, -math.inf
         if calibration is not None:
             self._T_ref_view = view_by_cameras(calibration)
 
@@ -182,15 +182,17 @@ class Views:
     def _stand_on_the_floor(self, calibration: Calibration) -> None:
         """Collect people until there are enough of them to tell up and the floor, once."""
         sight = self._lookout.sight
-        if not sight.people or sight.start_s < self._walked_until_s:
-            return
-        enough_s = VIEW_PEOPLE_S + SIGHT_S
-        if len(self._walked) and self._walked_until_s - self._walked[0].times_s[0] > enough_s:
+        if sight.end_s < self._walked_until_s - BACKWARDS_S:
+            self._walked_until_s = -math.inf
+        known = self._walked_s >= VIEW_PEOPLE_S
+        if known or not sight.people or sight.start_s < self._walked_until_s:
             return
         self._walked, self._walked_until_s = [*self._walked, *sight.people], sight.end_s
-        if self._walked_until_s - self._walked[0].times_s[0] > VIEW_PEOPLE_S:
+        self._walked_s += SIGHT_S
+        if self._walked_s >= VIEW_PEOPLE_S:
             by_people = view_by_people(calibration, self._walked)
             self._T_ref_view = self._T_ref_view if by_people is None else by_people
+            self._walked = []
 
     def _reference_frame(self, windows: Iterable[CameraImages]) -> str:
         """Frame of the result, or what it will be; empty if that is not known yet."""
