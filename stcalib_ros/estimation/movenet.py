@@ -26,8 +26,8 @@ pixel is 0. Half the difference of an image and its mirror image, on the films o
 python -m benchmarks.estimators."""
 
 _MIN_PERSON = 0.15
-"""Score, 0 to 1, below which a person is not one. In films with a known truth, 0.3 loses 14 % of the
-people in clear view at an input of 256 px, 0.2 some who are partly hidden, and 0.05 invents some.
+"""Score, 0 to 1, below which a person is not one. In a film with a known truth, 0.3 loses 14 % of
+the people in clear view at an input of 256 px, 0.2 some who are partly hidden; 0.05 invents some.
 """
 
 _SAME_PERSON = 0.1
