@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -124,3 +126,14 @@ def test_a_rate_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> N
     with pytest.raises(SystemExit):
         main(["estimate", "a.mp4", "b.mp4", "-o", "a.mcap", "--fps-limit", "0"])
     assert "expected images a second from 0.1 to 1000, got '0'" in capsys.readouterr().err
+
+
+def test_the_decoder_adds_nothing_to_the_message(tmp_path: Path) -> None:
+    """In a process of its own: OpenCV reads once how much it is to print."""
+    paths = [tmp_path / "a.mp4", tmp_path / "b.mp4"]
+    for path in paths:
+        path.write_text("not a film\n" * 100)
+    command = [sys.executable, "-m", "stcalib_ros", "estimate", *map(str, paths), "-o", "a.mcap"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1

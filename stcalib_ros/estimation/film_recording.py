@@ -105,6 +105,38 @@ def read_films(
     ------
     InputError
         A film cannot be read, or nobody is in any of them.
+
+    Examples
+    --------
+    Of films that are there, with an estimator that is installed::
+
+        from stcalib_ros.estimation.registry import load_estimator
+        films = {"cam0": "cam0.mp4", "cam1": "cam1.mp4"}
+        calibration = st.calibrate(st.read_films(films, load_estimator))
+
+    Here, an estimator of one's own finds the spot in each image:
+
+    >>> import cv2
+    >>> import numpy as np
+    >>> import stcalib_ros as st
+    >>> from stcalib_ros.estimation.poses import ImagePoses
+    >>> for name, x in (("cam0.avi", 100), ("cam1.avi", 200)):
+    ...     film = cv2.VideoWriter(name, cv2.VideoWriter.fourcc(*"MJPG"), 10, (320, 240))
+    ...     for k in range(20):
+    ...         black = np.zeros((240, 320, 3), np.uint8)
+    ...         _ = film.write(cv2.circle(black, (x + k, 90), 5, (255, 255, 255), -1))
+    ...     film.release()
+    >>> class Spots:
+    ...     layout = st.find_layout("coco_17")
+    ...
+    ...     def poses(self, image):
+    ...         rows, columns = np.nonzero(image[..., 1] > 128)
+    ...         spot = np.array([columns.mean(), rows.mean()])
+    ...         everywhere = spot + 20 * np.arange(17)[:, None] * [0, 0.1]
+    ...         return ImagePoses(everywhere[None], np.ones((1, 17)), np.full((1, 17, 3), np.nan))
+    >>> recording = st.read_films({"cam0": "cam0.avi", "cam1": "cam1.avi"}, Spots)
+    >>> [(camera.name, len(camera.stamps), len(camera.tracks)) for camera in recording.cameras]
+    [('cam0', 20, 1), ('cam1', 20, 1)]
     """
     options = options or FilmOptions()
     opened = [open_film(require_name(name, "a camera"), Path(path)) for name, path in films.items()]
