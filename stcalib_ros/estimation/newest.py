@@ -41,6 +41,7 @@ class _Slot(Generic[T]):
     due_s: float = -math.inf
     last_s: float = -math.inf
     waiting: list[T] | None = None
+    busy: bool = False
     turn: int = 0
     received: int = 0
     not_needed: int = 0
@@ -49,10 +50,11 @@ class _Slot(Generic[T]):
 
 
 class NewestImages(Generic[T]):
-    """Images of several cameras that wait for one estimator; may be used by several threads.
+    """Images of several cameras that wait for estimators; used by several threads.
 
     The newest of a camera wins: nothing lags. Of the cameras with an image the one that has waited
-    for its turn the longest is next.
+    for its turn the longest is next. A camera whose image is being used has its next turn after
+    `done`, so that its images stay in order.
 
     Parameters
     ----------
@@ -68,6 +70,7 @@ class NewestImages(Generic[T]):
     >>> images.put("cam1", 7.0, "d")
     >>> images.take(0.0), images.take(0.0), images.take(0.0)
     (('cam0', 'c'), ('cam1', 'd'), None)
+    >>> images.done("cam0")
     >>> images.counted("cam0")
     Counted(received=3, not_needed=1, dropped=1, taken=1)
     """
@@ -105,9 +108,15 @@ class NewestImages(Generic[T]):
             assert slot.waiting is not None
             (image,), slot.waiting = slot.waiting, None
             self._turn += 1
-            slot.turn = self._turn
+            slot.turn, slot.busy = self._turn, True
             slot.taken += 1
             return name, image
+
+    def done(self, camera: str) -> None:
+        """Say that the image of a camera that was taken has been used."""
+        with self._changed:
+            self._slots[camera].busy = False
+            self._changed.notify()
 
     def counted(self, camera: str) -> Counted:
         """Return what has become of the images of a camera."""
@@ -116,5 +125,5 @@ class NewestImages(Generic[T]):
             return Counted(slot.received, slot.not_needed, slot.dropped, slot.taken)
 
     def _next(self) -> str | None:
-        waiting = [name for name, slot in self._slots.items() if slot.waiting is not None]
+        waiting = [name for name, slot in self._slots.items() if slot.waiting and not slot.busy]
         return min(waiting, key=lambda name: self._slots[name].turn, default=None)

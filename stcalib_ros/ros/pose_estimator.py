@@ -37,14 +37,15 @@ from stcalib_ros.ros.pose_worker import PoseWorker, RawImage
 from stcalib_ros.ros.running import events_executor, spin_until, start_node, stop_on_signals
 from stcalib_ros.ros.throttle import Throttle
 
-_DEPTH = 1
-"""Images that wait in the subscription of a camera: a newer one takes the place of an older one."""
+_DEPTH = 5
+"""Images that wait in the subscription of a camera until they are looked at. Chosen: they are at
+once, and a newer one takes the place of an older one then."""
 _POSES_DEPTH = 10
 """Poses that wait for subscribers that ask for reliable ones. Chosen: a second."""
 
 
 class PoseEstimatorNode:
-    """The node: topics of images in, a thread that estimates, topics of poses out.
+    """The node: topics of images in, threads that estimate, topics of poses out.
 
     Parameters
     ----------
@@ -60,19 +61,22 @@ class PoseEstimatorNode:
         self.node, self.log = node, node.get_logger()
         settings = self.settings = declare_estimator(node)
         self._throttle = Throttle(self.log.warning)
-        estimator = named_estimator(
-            settings.estimator,
-            size=settings.size,
-            threads=settings.threads,
-            folder=settings.models_folder,
-        )
+        estimators = [
+            named_estimator(
+                settings.estimator,
+                size=settings.size,
+                threads=settings.threads,
+                folder=settings.models_folder,
+            )
+            for _ in range(settings.workers)
+        ]
         names = [camera.name for camera in settings.cameras]
         self._images = NewestImages[RawImage](names, rate_hz=settings.rate_hz)
         publishers = {c.name: self._publisher(c) for c in settings.cameras}
         self._subscriptions: dict[str, tuple[Any, str, bool]] = {}
         self._refused: dict[str, str] = {}
         tracking = TrackingOptions(settings.min_score, mend_sides=settings.mend_sides)
-        self.worker = PoseWorker(estimator, self._images, publishers, tracking, self._throttle)
+        self.worker = PoseWorker(estimators, self._images, publishers, tracking, self._throttle)
         self._logged = dict.fromkeys(names, 0)
         self._reported = -math.inf
         self._throttle.not_before("starved", STARVED_S)
@@ -81,7 +85,7 @@ class PoseEstimatorNode:
         node.create_timer(LOOK_S, self._look, clock=steady)
         node.create_timer(CHECK_S, self._every_second, clock=steady)
         self.log.info(
-            f"{settings.estimator} estimates {estimator.layout.name} of {', '.join(names)}, at "
+            f"{settings.estimator} estimates {estimators[0].layout.name} of {', '.join(names)}, at "
             f"{f'{settings.rate_hz:g} images per second' if settings.rate_hz else 'all images'} "
             "of each at most"
         )
@@ -154,7 +158,7 @@ class PoseEstimatorNode:
         listed = ", ".join(f"{n} of {name}" for name, n in new.items() if n)
         self.log.warning(
             f"images dropped for newer ones: {listed}; an image takes "
-            f"{self.worker.image_s * 1e3:.0f} ms: lower rate_hz or size, or give it more threads"
+            f"{self.worker.image_s * 1e3:.0f} ms: lower rate_hz or size, or raise workers"
         )
 
     def _lack(self, camera: ImageCamera) -> str:

@@ -25,6 +25,7 @@ ESTIMATOR_SPECS = (
         fixed=True,
     ),
     Spec("size", 0, "Longer side of the network's input, px; 0: its own.", 0, 4096, fixed=True),
+    Spec("workers", 2, "Images that are estimated at a time, a core each.", 1, 64, fixed=True),
     Spec("threads", 1, "Threads of one image.", 1, 64, fixed=True),
     Spec("models_folder", "", "Folder of the weights; empty: the usual one.", fixed=True),
     Spec(
@@ -63,6 +64,7 @@ class EstimatorSettings:
     cameras: tuple[ImageCamera, ...]
     estimator: str
     size: int | None
+    workers: int
     threads: int
     models_folder: Path | None
     rate_hz: float
@@ -124,7 +126,7 @@ def estimator_settings(names: Iterable[str], values: Mapping[str, Any]) -> Estim
         if twice := next((t for t in topics if topics.count(t) > 1), None):
             raise InputError(f"camera.*.{what}: {twice} is given twice; each camera has its own")
     folder = values["models_folder"]
-    same = ("estimator", "threads", "rate_hz", "min_score", "mend_sides")
+    same = ("estimator", "workers", "threads", "rate_hz", "min_score", "mend_sides")
     return EstimatorSettings(
         cameras=cameras,
         size=values["size"] or None,

@@ -1,10 +1,10 @@
-"""The thread that estimates: images of all cameras in turn, poses published as they are found."""
+"""The threads that estimate: images of all cameras in turn, poses published as they are found."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,7 +42,8 @@ class PoseWorker:
 
     Parameters
     ----------
-    estimator : PoseEstimator
+    estimators : sequence of PoseEstimator
+        One for each thread, all of one kind.
     images : NewestImages
     publishers : mapping of str to rclpy.publisher.Publisher
         Of the poses of each camera.
@@ -63,18 +64,23 @@ class PoseWorker:
 
     def __init__(
         self,
-        estimator: PoseEstimator,
+        estimators: Sequence[PoseEstimator],
         images: NewestImages[RawImage],
         publishers: Mapping[str, Any],
         tracking: TrackingOptions,
         throttle: Throttle,
     ) -> None:
-        self._estimator, self._images, self._publishers = estimator, images, publishers
+        self._images, self._publishers = images, publishers
         self._throttle = throttle
-        self._trackers = {name: PersonTracker(estimator.layout, tracking) for name in publishers}
+        self._trackers = {
+            name: PersonTracker(estimators[0].layout, tracking) for name in publishers
+        }
         self._stop = threading.Event()
-        # A daemon, so that an estimator in the middle of an image does not keep the process alive.
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        # Daemons, so that an estimator in the middle of an image does not keep the process alive.
+        self._threads = [
+            threading.Thread(target=self._run, args=(estimator,), daemon=True)
+            for estimator in estimators
+        ]
         self.estimated, self.unreadable = dict.fromkeys(publishers, 0), dict.fromkeys(publishers, 0)
         self.persons = dict.fromkeys(publishers, 0)
         self.problems: dict[str, str] = {}
@@ -82,25 +88,29 @@ class PoseWorker:
 
     def start(self) -> None:
         """Begin to take images."""
-        self._thread.start()
+        for thread in self._threads:
+            thread.start()
 
     def stop(self, timeout_s: float) -> None:
-        """End after the image that is being estimated, or after the timeout."""
+        """End after the images that are being estimated, or after the timeout."""
         self._stop.set()
-        self._thread.join(timeout_s)
+        end = time.monotonic() + timeout_s
+        for thread in self._threads:
+            thread.join(max(end - time.monotonic(), 0.0))
 
-    def _run(self) -> None:
+    def _run(self, estimator: PoseEstimator) -> None:
         while not self._stop.is_set():
             if (taken := self._images.take(SPIN_S)) is not None:
-                self._use(*taken)
+                self._use(estimator, *taken)
+                self._images.done(taken[0])
 
-    def _use(self, name: str, raw: RawImage) -> None:
+    def _use(self, estimator: PoseEstimator, name: str, raw: RawImage) -> None:
         begin = time.perf_counter()
         try:
             message = deserialize_message(raw.data, message_class(raw.kind))
-            poses = self._estimator.poses(pixels_of(message))
+            poses = estimator.poses(pixels_of(message))
             poses, ids = self._trackers[name].follow(stamp_of(raw.data) / NS, poses)
-            answer = poses_message(message.header, self._estimator.layout, poses, ids)
+            answer = poses_message(message.header, estimator.layout, poses, ids)
         except Exception as error:  # the node goes on, whatever a camera sends
             self.unreadable[name] += 1
             said = (
