@@ -190,10 +190,10 @@ def test_a_bag_without_lenses_says_what_to_set(
     capsys.readouterr()
     assert main(["calibrate", bag, "-o", out, "-q"]) == 2
     said = capsys.readouterr().err
-    assert said.startswith("stcalib: cam0, cam1: no lens is known, since K of CameraInfo is zero")
+    assert said.startswith("stcalib: cam0, cam1: the lens is unknown (K in CameraInfo is zero")
     assert "(--intrinsics unknown)" in said
     assert main(["calibrate", bag, "-o", out, "-q", "--intrinsics", "cam0=unknown"]) == 3
-    assert "cam1: no lens is known" in (said := capsys.readouterr().err)
+    assert "cam1: the lens is unknown" in (said := capsys.readouterr().err)
     assert "(--intrinsics cam1=unknown)" in said
 
 

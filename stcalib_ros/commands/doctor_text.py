@@ -12,8 +12,7 @@ from stcalib_ros.commands.terminal import table
 from stcalib_ros.core.diagnosis.advice import advise
 from stcalib_ros.core.diagnosis.examine import CameraFit, Diagnosis, PairFacts
 from stcalib_ros.core.diagnosis.facts import CameraFacts
-from stcalib_ros.core.model.rejection import Rejection
-from stcalib_ros.core.model.rejection_text import camera_sentence, labelled, whole_sentences
+from stcalib_ros.core.model.rejection_text import labelled, left_out_sentences, whole_sentences
 from stcalib_ros.io.reasons import plain_rejection, plain_remark
 from stcalib_ros.wording import count
 
@@ -48,7 +47,8 @@ def diagnosis_text(found: Diagnosis, source: str, warnings: Sequence[str] = ()) 
     if found.pairs:
         parts.append(_pairs(found.pairs))
     parts += _list("Put right or noticed:", [*warnings, *whole_sentences(found.remarks, ())])
-    parts += _list("Left out:", [_of_camera(c.name, c.rejection) for c in found.uncalibrated])
+    left_out = [(camera.name, camera.rejection) for camera in found.uncalibrated]
+    parts += _list("Left out:", left_out_sentences(left_out, codes=True))
     parts += _list("In doubt:", [_doubt(name, found.fits[name]) for name in found.doubtful])
     parts += _list("What would help:", [one.sentence for one in advise(found)])
     parts.append(_filled(verdict(found), ""))
@@ -160,10 +160,6 @@ def _best_of_each(pairs: Sequence[PairFacts]) -> Iterator[PairFacts]:
 
 def _number(value: float, form: str, unit: str = "") -> str:
     return f"{value:{form}}{unit}" if math.isfinite(value) else "-"
-
-
-def _of_camera(name: str, rejection: Rejection) -> str:
-    return f"{name}: {rejection.reason.value}: {camera_sentence(name, rejection)}"
 
 
 def _doubt(name: str, fit: CameraFit) -> str:

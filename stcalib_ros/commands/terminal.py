@@ -14,7 +14,7 @@ from stcalib_ros.core.errors import one_line
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
-from stcalib_ros.core.model.rejection_text import whole_sentences
+from stcalib_ros.core.model.rejection_text import left_out_sentences, whole_sentences
 from stcalib_ros.io.json_files import json_text
 from stcalib_ros.wording import (
     clock_text,
@@ -203,7 +203,8 @@ def calibration_text(calibration: Calibration) -> str:
         parts.append("\n".join(remarks))
     if calibration.persons:
         parts.append(_persons(calibration))
-    parts += [f"NOT calibrated: {c.name}: {c.reason}" for c in calibration.uncalibrated]
+    left_out = [(camera.name, camera.rejection) for camera in calibration.uncalibrated]
+    parts += [f"NOT calibrated: {text}" for text in left_out_sentences(left_out)]
     return "\n\n".join(parts)
 
 

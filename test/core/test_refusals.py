@@ -138,7 +138,8 @@ def test_clocks_an_hour_apart(four):
     assert refusals(calibration) == [RejectionReason.TOO_FEW_CAMERAS]
     others = ("cam1", "cam2", "cam3")
     assert reasons(calibration) == dict.fromkeys(others, RejectionReason.CLOCK_EPOCH_DIFFERS)
-    assert all(f"{name}: its clock does not overlap" in calibration.message for name in others)
+    assert "recorded at another time than the others" in calibration.message
+    assert all(name in calibration.message for name in others)
 
 
 def test_fewer_than_twelve_common_frames(four):
@@ -175,8 +176,8 @@ def test_nothing_seen_by_anybody(four):
 @pytest.mark.parametrize(
     ("change", "reason", "says"),
     [
-        (normalised, RejectionReason.KEYPOINTS_NORMALISED, "keypoints look normalised"),
-        (at_one_place, RejectionReason.KEYPOINTS_COINCIDE, "are at one place"),
+        (normalised, RejectionReason.KEYPOINTS_NORMALISED, "look like fractions of the image"),
+        (at_one_place, RejectionReason.KEYPOINTS_COINCIDE, "are at the same place"),
     ],
 )
 def test_keypoints_that_are_those_of_nobody(four, change, reason, says):

@@ -145,7 +145,7 @@ def test_form_of_the_interface() -> None:
         2.5,
         "s",
     )
-    assert short["message"].startswith("it shares only 1.3 s of somebody's motion")
+    assert short["message"].startswith("only 1.3 s of people's motion agree")
     (reason,) = content["reasons"]
     assert reason["code"] == "COLLINEAR_MOTION"
     assert "measured" not in reason

@@ -175,7 +175,7 @@ def test_refused_without_poses(report_scene: Scene) -> None:
     assert stages.calibration.status is Status.INSUFFICIENT_DATA
     page = Page(report_html(content_of_stages(recording, stages)))
     assert "Refused: not enough data" in page.text
-    assert "at least two that see the same people" in page.text
+    assert "record two or more that see the same people" in page.text
     assert "could not be computed" in page.text
     assert "Images and people over time" in page.text
     assert "script" not in page.tags

@@ -115,8 +115,8 @@ def test_a_camera_with_keypoints_that_are_no_pixels_says_what_to_do():
     values = {"least": 0.0, "width": 640, "height": 480}
     fault = Rejection(RejectionReason.KEYPOINTS_NORMALISED, ("cam0",), 0.98, 2.0, "px", (), values)
     lack = starvation(CAMERA, replace(COUNTS, fault=fault), None)
-    assert lack.startswith("sends on /a: its keypoints look normalised")
-    assert "multiply those of 0..1 by the image size" in lack
+    assert lack.startswith("sends on /a: the keypoints look like fractions")
+    assert "multiply them by the image size" in lack
     assert starvation(CAMERA, COUNTS, None) == ""
 
 

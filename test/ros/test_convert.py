@@ -106,7 +106,7 @@ def test_reasons_have_codes_numbers_and_sentences():
         400.0,
         "keypoints",
     )
-    assert few.message.startswith("cam2: only 150 of its keypoints fit, 400 are needed")
+    assert few.message.startswith("cam2: only 150 keypoints fit the other cameras")
     assert (left_out.code, left_out.message) == ("UNSPECIFIED", "shares nobody with the others")
 
 

@@ -35,7 +35,7 @@ from stcalib_ros.core.lifting.time_base import mended_time_base
 from stcalib_ros.core.lifting.track_checks import with_tracks
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
-from stcalib_ros.core.model.rejection_text import labelled
+from stcalib_ros.core.model.rejection_text import rejection_sentences
 from stcalib_ros.core.options import Options
 
 _UNUSABLE_LENSES = (
@@ -122,7 +122,7 @@ def _require_lenses(recording: Recording, faults: Mapping[str, Rejection]) -> No
     if unusable and len(unusable) == len(recording.cameras):
         rest = [why for why in unusable if why.reason is not RejectionReason.LENS_UNKNOWN]
         together = Rejection(RejectionReason.LENS_UNKNOWN, tuple(unknown), detail="unknown")
-        raise InputError("; ".join(map(labelled, [together, *rest] if unknown else rest)))
+        raise InputError("; ".join(rejection_sentences([together, *rest] if unknown else rest)))
 
 
 def readable_input(recording: Recording, *, min_score: float) -> Recording:

@@ -22,7 +22,11 @@ from stcalib_ros.core.model.lens_knowledge import LensKnowledge, LensStddev
 from stcalib_ros.core.model.lifted import LiftedCamera
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.core.model.rejection import Rejection, Remark
-from stcalib_ros.core.model.rejection_text import labelled, remark_sentence
+from stcalib_ros.core.model.rejection_text import (
+    left_out_sentences,
+    rejection_sentences,
+    remark_sentences,
+)
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.output.world_frame import WorldAlignment
 from stcalib_ros.core.reconstruction.people import found_persons
@@ -254,11 +258,11 @@ def _summary(
     total = calibrated + len(uncalibrated)
     good = judgement.status is Status.OK
     parts = [f"{calibrated} of {total} cameras calibrated"] if good else []
-    remarks = [remark_sentence(remark) for remark in judgement.remarks]
+    remarks = remark_sentences(judgement.remarks)
     parts += remarks if good else []
     rejections = judgement.rejections
     whole = not all(rejection.cameras for rejection in rejections[:1])
-    parts += [labelled(one) for one in rejections if not (whole and one.cameras)]
-    parts += [f"{camera.name}: {camera.reason}" for camera in uncalibrated]
+    parts += rejection_sentences([one for one in rejections if not (whole and one.cameras)])
+    parts += left_out_sentences([(camera.name, camera.rejection) for camera in uncalibrated])
     parts += [] if good else remarks
     return "; ".join(parts)

@@ -1,0 +1,46 @@
+"""What is said of several cameras alike, said once."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+
+
+def after_names(names: Sequence[str], text: str) -> str:
+    """Return a text after the names that it is about, if there are any.
+
+    Examples
+    --------
+    >>> after_names(("cam0", "cam1"), "nobody moves")
+    'cam0, cam1: nobody moves'
+    """
+    return ": ".join(filter(None, [", ".join(names), text]))
+
+
+def gathered(items: Sequence[tuple[Hashable, tuple[str, ...], str]]) -> list[str]:
+    """Return one text for every kind, after all the names that it is about.
+
+    Where texts of one kind differ in their numbers, the first one stands for all.
+
+    Parameters
+    ----------
+    items : sequence of (kind, names, text)
+        Without names, each is by itself.
+
+    Examples
+    --------
+    >>> gathered([("dark", ("cam0",), "2 % are dark"), ("dark", ("cam1",), "3 % are dark")])
+    ['cam0: 2 % are dark; the same applies to cam1']
+    """
+    kinds: dict[Hashable, list[tuple[tuple[str, ...], str]]] = {}
+    for kind, names, text in items:
+        kinds.setdefault(kind if names else (kind, text), []).append((names, text))
+    return [_together(found) for found in kinds.values()]
+
+
+def _together(found: Sequence[tuple[tuple[str, ...], str]]) -> str:
+    """Return one text of one kind."""
+    first = found[0][1]
+    same = dict.fromkeys(name for names, text in found if text == first for name in names)
+    others = dict.fromkeys(name for names, _ in found for name in names if name not in same)
+    tail = f"; the same applies to {', '.join(others)}" if others else ""
+    return after_names(tuple(same), first) + tail
