@@ -8,7 +8,7 @@ DEMO_ARGS :=
 
 ROS := source scripts/activate.sh $(ROS_DISTRO)
 
-.PHONY: help demo level speed paper test test-ros lint env clean
+.PHONY: help demo level speed paper docs test test-ros lint env clean
 .NOTPARALLEL:
 
 help:
@@ -16,6 +16,7 @@ help:
 	@echo "make level    print the accuracy on simulated scenes and real recordings"
 	@echo "make speed    print CPU seconds, memory and how they grow, beside their targets"
 	@echo "make paper    the paper's experiments, reduced, against the accuracy they had before"
+	@echo "make docs     build the pages of docs/ into out/docs"
 	@echo "make test     lint and test everything, with real ROS 2 (ROS_DISTRO=jazzy or kilted)"
 	@echo "make lint     ruff and mypy"
 	@echo "make env      set up ROS 2 and build the package; then 'source scripts/activate.sh' gives"
@@ -38,6 +39,11 @@ speed:
 paper:
 	@scripts/setup.sh core
 	@.venv/bin/python -m benchmarks.paper all --reduced
+
+docs:
+	@scripts/setup.sh docs
+	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/python -m mkdocs build --quiet
+	@echo "out/docs/index.html"
 
 test: lint env
 	@$(ROS) && python -m pytest -n 2 --dist loadgroup $(PYTEST_ARGS)

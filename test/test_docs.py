@@ -5,13 +5,16 @@ from __future__ import annotations
 import argparse
 import itertools
 import re
+import runpy
 import shlex
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from stcalib_ros.cli import main
+import stcalib_ros
 from stcalib_ros.commands.parser import add_printing_arguments
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.rejection import RejectionReason, RemarkCode
@@ -57,7 +60,11 @@ def options_of(command: str) -> set[str]:
     import_module(f"stcalib_ros.{package}.{command}").add_arguments(parser)
     if package == "commands":
         add_printing_arguments(parser)
-    return {option for action in parser._actions for option in action.option_strings}
+    actions = list(parser._actions)
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            actions += [own for part in action.choices.values() for own in part._actions]
+    return {option for action in actions for option in action.option_strings}
 
 
 def given_options(words: list[str]) -> set[str]:
@@ -159,26 +166,11 @@ def test_commands_exist_with_their_options(page: str, words: list[str]) -> None:
     CHECKS[words[0]](words[1:])
 
 
-def test_the_commands_of_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run them one after the other, as a new user would type them."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "config.yaml").write_text((ROOT / "config" / "calibrate.yaml").read_text())
-    done = []
-    for words in commands(README):
-        if words[0] == "stcalib":
-            assert main(words[1:]) == 0, words
-            done.append(words[1])
-    assert done == ["simulate", "calibrate", "evaluate", "calibrate"]
-    assert {"walk.mcap", "walk_truth.yaml", "walk.yaml", "walk.html"} <= {
-        p.name for p in tmp_path.iterdir()
-    }
-
-
-def test_the_python_of_the_readme_makes_a_message() -> None:
+def test_the_python_of_the_guide_makes_a_message() -> None:
     pytest.importorskip("stcalib_ros.msg", reason="the messages are not built: make env")
     header = import_module("std_msgs.msg").Header(frame_id="cam0_optical_frame")
     np = import_module("numpy")
-    (code,) = blocks(README, "python")
+    (code,) = blocks(ROOT / "docs" / "ros.md", "python")
     names: dict = {}
     exec(code, names)
     person = argparse.Namespace(
@@ -190,6 +182,41 @@ def test_the_python_of_the_readme_makes_a_message() -> None:
     message = names["poses_message"](header, [person])
     (sent,) = message.persons
     assert (len(sent.joints), len(sent.keypoints), len(sent.joint_scores)) == (0, 34, 17)
+
+
+def test_the_python_of_its_page_runs() -> None:
+    names: dict = {}
+    for code in blocks(ROOT / "docs" / "python.md", "python"):
+        exec(code, names)
+    assert names["errors"].E_R < 0.02
+
+
+def test_the_reference_has_every_public_name() -> None:
+    page = (ROOT / "docs" / "reference.md").read_text()
+    named = re.findall(r"^::: stcalib_ros\.(\w+)$", page, re.MULTILINE)
+    assert sorted(named) == sorted(set(stcalib_ros.__all__) - {"__version__"})
+
+
+def test_the_page_of_messages_is_that_of_their_definitions() -> None:
+    made = runpy.run_path(str(ROOT / "docs" / "messages.py"))["page"]()
+    assert (ROOT / "docs" / "messages.md").read_text() == made, "python docs/messages.py"
+
+
+def test_every_page_is_in_the_navigation_and_in_the_index() -> None:
+    pages = {page.name for page in (ROOT / "docs").glob("*.md")}
+    assert pages == set(re.findall(r"[\w-]+\.md", (ROOT / "mkdocs.yml").read_text()))
+    linked = set(re.findall(r"\]\(([\w-]+\.md)\)", (ROOT / "docs" / "index.md").read_text()))
+    assert pages - linked <= {"index.md"}
+
+
+@pytest.mark.slow
+def test_the_pages_build(tmp_path: Path) -> None:
+    """With the tool that `make docs` runs; links between pages and their anchors exist."""
+    pytest.importorskip("mkdocs")
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "quickstart.html").is_file()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
@@ -227,6 +254,8 @@ def exists(path: str) -> bool:
     if (interface := re.fullmatch(r"stcalib_ros/(msg|srv|action)/(\w+)", path)) is not None:
         kind, name = interface.groups()
         return (ROOT / kind / f"{name}.{kind}").is_file()
+    if (short := re.fullmatch(r"stcalib_ros/(\w+)", path)) is not None:  # within definitions
+        return (ROOT / "msg" / f"{short[1]}.msg").is_file() or in_checkout(path).exists()
     return in_checkout(path).exists()
 
 

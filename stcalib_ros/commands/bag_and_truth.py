@@ -57,9 +57,10 @@ def written_text(args: argparse.Namespace, recording: Recording) -> str:
 
 def written_plain(args: argparse.Namespace, recording: Recording) -> dict[str, Any]:
     """Return the same as plain data."""
+    truth = getattr(args, "truth", None)
     return {
         "bag": str(args.output),
-        "truth": None if args.truth is None else str(args.truth),
+        "truth": None if truth is None else str(truth),
         "cameras": [
             {
                 "name": camera.name,

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stcalib_ros.commands.film_arguments import add_film_arguments, bag_of, named_path
 from stcalib_ros.commands.jobs import count, processes
 from stcalib_ros.core.errors import CalibrationError, InputError
 
@@ -31,7 +32,11 @@ Find where cameras are, how their clocks differ and who is who, from the people 
 The bag holds for every camera
   /<camera>/person_poses  stcalib_ros/msg/PersonPose3DArray
   /<camera>/camera_info   sensor_msgs/msg/CameraInfo
-or poses as yolo_ros, ZED, Azure Kinect or ROS4HRI publish them.
+or poses as yolo_ros, ZED, Azure Kinect or ROS4HRI publish them. Of films, one of each camera,
+
+  stcalib calibrate cam0.mp4 cam1.mp4 cam2.mp4 --output walk.yaml --intrinsics lenses.yaml
+
+the bag is made first, as `stcalib estimate` does it: walk.mcap, which further runs use.
 
 Poses in OUT.yaml are T_ref_cam: the camera in the frame of the reference camera. Add the offset of
 a camera to its timestamps to have the reference clock: t_ref = t_cam + time_offset_s. With a
@@ -60,7 +65,13 @@ aniposelib, Pose2Sim and Caliscope, COLMAP cameras.txt. May be repeated"""
 
 def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = True) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("bag", type=Path, metavar="BAG", help=".mcap file or rosbag2 folder")
+    parser.add_argument(
+        "source",
+        nargs="+",
+        type=named_path,
+        metavar="BAG",
+        help=".mcap file or rosbag2 folder; or films, [CAM=]FILM of each camera, or their folder",
+    )
     parser.add_argument(
         *("-o", "--output"),
         type=Path,
@@ -68,6 +79,19 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         metavar="OUT.yaml",
         help="result file to write",
     )
+    _add_further_outputs(parser)
+    add_option_arguments(parser)
+    parser.add_argument(
+        "--jobs",
+        type=count,
+        default=1,
+        metavar="N",
+        help="number of processes for films and camera pairs; same result (default: 1)",
+    )
+    add_film_arguments(parser.add_argument_group("films"))
+
+
+def _add_further_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--report",
         type=Path,
@@ -85,14 +109,6 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         type=Path,
         metavar="FOLDER",
         help="also write the intrinsics, a CAM.yaml per camera for camera_info_manager",
-    )
-    add_option_arguments(parser)
-    parser.add_argument(
-        "--jobs",
-        type=count,
-        default=1,
-        metavar="N",
-        help="number of processes that match camera pairs; same result (default: 1)",
     )
 
 
@@ -142,6 +158,8 @@ def _add_shutter_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
     """Calibrate; returns what was recorded, and a result that can be trusted.
 
+    `args.bag` is the bag then, also where films were given.
+
     Raises
     ------
     InputError
@@ -158,6 +176,7 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
 
     _require_outputs(args)
     config = config_of(args)
+    args.bag = bag_of(args)
     progress = ProgressPrinter(None if args.quiet else sys.stderr, verbose=args.verbose)
     try:
         recording = read_bag(

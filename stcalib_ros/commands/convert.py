@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> None:
     write_outputs(args, recording, truth)
     text = written_text(args, recording)
     if truth is None:
-        text += "\n" + source_text(name, recording, args)
+        text += "\n" + source_text(name, recording, args.output, args.source)
     tell(args, text, {"format": name, **written_plain(args, recording)})
 
 
@@ -151,8 +151,8 @@ def _dataset_options(args: argparse.Namespace) -> DatasetOptions:
     return DatasetOptions(**given)
 
 
-def source_text(name: str, recording: Recording, args: argparse.Namespace) -> str:
-    """Say what was found in a source, and what to do next."""
+def source_text(name: str, recording: Recording, output: Path, source: Path | None = None) -> str:
+    """Say what was found in a source, and what to do next; `source` may be a folder of several."""
     lines = [f"Read as {name}:"]
     for camera in recording.cameras:
         poses = sum(len(track.frames) for track in camera.tracks)
@@ -167,12 +167,12 @@ def source_text(name: str, recording: Recording, args: argparse.Namespace) -> st
     if len(recording.cameras) == 1:
         lines.append("One camera alone cannot be calibrated: name the folder that has all of them")
         return "\n".join(lines)
-    if folders := _recordings_of_the_same(args.source, [c.name for c in recording.cameras]):
+    names = [camera.name for camera in recording.cameras]
+    if source is not None and (folders := _recordings_of_the_same(source, names)):
         lines.append(
             f"Cameras in {' and '.join(folders)} have the same names: if these are recordings of "
-            f"the same cameras, convert one of them, {args.source / folders[0]}"
+            f"the same cameras, convert one of them, {source / folders[0]}"
         )
-    output = args.output
     known = all(camera.intrinsics.known for camera in recording.cameras)
     unknown = "" if known else " --intrinsics unknown"
     lines.append(f"Next: stcalib calibrate {output} --output {output.stem}.yaml{unknown}")

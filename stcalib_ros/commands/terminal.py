@@ -95,8 +95,8 @@ class ProgressPrinter:
         self._live = stream is not None and stream.isatty()
         self._shown, self._stage, self._began = "", "", 0.0
 
-    def __call__(self, stage: str, fraction: float) -> None:
-        """Show that `fraction` of `stage` is done."""
+    def __call__(self, stage: str, fraction: float, detail: str = "") -> None:
+        """Show that `fraction` of `stage` is done; on a terminal with details, or the time left."""
         if stage != self._stage:
             self._end_stage()
             self._stage, self._began = stage, self._clock()
@@ -105,7 +105,7 @@ class ProgressPrinter:
         if self._live:
             done = round(_BAR * min(max(fraction, 0.0), 1.0))
             bar = "#" * done + "." * (_BAR - done)
-            self._replace(f"[{bar}] {stage}{self._time_left(fraction)}")
+            self._replace(f"[{bar}] {stage}{detail or self._time_left(fraction)}")
 
     def warn(self, message: str) -> None:
         """Print a warning without disturbing the line."""
@@ -153,6 +153,29 @@ def seconds_text(seconds: float) -> str:
     """
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+class FilmProgressPrinter(ProgressPrinter):
+    """Shows how many images of films are done, and the time left.
+
+    Parameters
+    ----------
+    stream : file object or None
+        As of `ProgressPrinter`.
+    n_films : int
+        Number of films.
+    """
+
+    def __init__(self, stream: TextIO | None, n_films: int, *, verbose: bool = False) -> None:
+        super().__init__(stream, verbose=verbose)
+        self._n_films = n_films
+
+    def images(self, done: int, total: int, left_s: float) -> None:
+        """Show that some images of all are done, and how long the rest takes (NaN: unknown)."""
+        detail = f": {done} of {total} images"
+        if np.isfinite(left_s):
+            detail += f", {seconds_text(left_s)} left"
+        self(f"people in {self._n_films} films", done / total, detail)
 
 
 def filled(text: str) -> str:

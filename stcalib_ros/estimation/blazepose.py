@@ -1,7 +1,7 @@
 """BlazePose: 33 joints in 2D and 3D of one person, for each person that MoveNet finds.
 
-BlazePose's own detector is made for one person in front of the camera: in the films of Pose2Sim's
-people it finds 54 of 80, MoveNet 76 (`python -m benchmarks.estimators`).
+BlazePose's own detector is made for one person in front of the camera, and misses most of those in
+the back of a room.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def grade(
         what = "must not be used" if c.cameras else "could not be computed"
         meaning = f"Poses, time offsets and people {what}: the reasons are below."
         return Grade(f"Refused: {_REFUSED[c.status]}", meaning, good=False)
-    found = [_complete(c), _errors(c, fits), _shares(c), _even(fits), _certain(content)]
+    found = [_complete(c), _errors(content, fits), _shares(fits), _even(fits), _certain(content)]
     found += [_offsets(clocks), _persons(c)]
     findings = tuple(one for one in found if one is not None)
     weak = sum(not one.good for one in findings)
@@ -106,18 +106,18 @@ def _complete(c: Calibration) -> Checked | None:
     return Checked(False, f"Without a pose: {names}. The reasons are below.")
 
 
-def _errors(c: Calibration, fits: Sequence[KeypointFit]) -> Checked | None:
+def _errors(content: ReportContent, fits: Sequence[KeypointFit]) -> Checked | None:
     """What the reprojection error is, beside the size of the people in the images."""
     heights = [fit.person_px for fit in fits if math.isfinite(fit.person_px)]
-    if not math.isfinite(c.reprojection_rms_px):
+    rms_px = math.nan if content.evidence is None else content.evidence.last.rms_px()
+    if not math.isfinite(rms_px):
         return None
-    text = f"Keypoints miss by {c.reprojection_rms_px:.1f} px (rms)."
     if not heights:
-        return Checked(True, text)
+        return Checked(True, f"Keypoints miss by {rms_px:.1f} px (rms).")
     height = float(np.median(heights))
-    share, (least, most) = c.reprojection_rms_px / height, ESTIMATOR
+    share, (least, most) = rms_px / height, ESTIMATOR
     text = (
-        f"Keypoints miss by {c.reprojection_rms_px:.1f} px (rms): {share:.1%} of the height of a "
+        f"Keypoints miss by {rms_px:.1f} px (rms): {share:.1%} of the height of a "
         f"person, who is about {height:.0f} px tall in these images. Good pose estimators scatter "
         f"by {least:.0%} to {most:.0%}"
     )
@@ -130,15 +130,15 @@ def _errors(c: Calibration, fits: Sequence[KeypointFit]) -> Checked | None:
     )
 
 
-def _shares(c: Calibration) -> Checked | None:
-    if not c.n_observations:
+def _shares(fits: Sequence[KeypointFit]) -> Checked | None:
+    n_fit, n_seen = sum(fit.n_fit for fit in fits), sum(fit.n_seen for fit in fits)
+    if not n_seen:
         return None
-    share = c.n_inliers / c.n_observations
     text = (
-        f"{share:.0%} of the keypoints fit: {c.n_inliers} of the {c.n_observations} of people whom "
-        "two cameras or more see at the same time."
+        f"{n_fit / n_seen:.0%} of the keypoints fit: {n_fit} of the {n_seen} of people whom two "
+        "cameras or more see at the same time."
     )
-    if share >= FEW:
+    if n_fit / n_seen >= FEW:
         return Checked(True, text)
     return Checked(False, f"{text} That is few: see below which camera the others are of.")
 

@@ -108,10 +108,10 @@ def _gathered_again(content: ReportContent) -> list[str]:
     if content.evidence is None:
         return ["Nobody in it is seen by two of these cameras at a time."]
     now, then = content.evidence.last.rms_px(), content.calibration.reprojection_rms_px
-    text = "Residuals are of this recording by the finished result"
+    text = "Residuals are those of this recording by the finished result."
     if now > _OTHER_ERROR * then:
         text += (
-            f": {now:.1f} px (rms), more than the {then:.1f} px of the adjustment, which also "
-            "corrects the stamps of single images and what keypoints have in common"
+            f" The adjustment itself came to {then:.1f} px: it also corrects the stamps of single "
+            "images, and errors that keypoints have in common."
         )
-    return [f"{text}."]
+    return [text]

@@ -77,7 +77,10 @@ def table(rows: Sequence[Sequence[str]]) -> str:
         for row in rows[1:]
     ]
     body = "\n".join(f"<tr>{line}</tr>" for line in lines)
-    return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+    return (
+        f'<div class="scroll"><table>\n<thead><tr>{head}</tr></thead>\n'
+        f"<tbody>\n{body}\n</tbody>\n</table></div>"
+    )
 
 
 def folded(title: str, *parts: str) -> str:

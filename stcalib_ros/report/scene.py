@@ -32,6 +32,8 @@ _WHOLE = 0.7
 _SHOWN_ELLIPSOID = 0.03
 """Fraction of the scene. An ellipsoid that is smaller is enlarged, by a round factor."""
 _FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+_USUAL = (3.0, 97.0)
+"""Percentiles of the places of a person, which a few wrong points do not move."""
 _FAR = 3.0
 """Extents of the cameras. What is further from their middle is no person's place."""
 
@@ -58,6 +60,7 @@ def scene_data(content: ReportContent, room: Room) -> dict[str, Any]:
             "towards": view.R[2].tolist(),
             "distance": view.distance,
         },
+        "where_people_are": _usual_places(room).tolist(),
         "enlarged": factor,
         "cameras": [
             _camera(camera, depth)
@@ -104,21 +107,25 @@ def _camera(camera: PlacedCamera, depth: float) -> dict[str, Any]:
     return {"centre": camera.centre.tolist(), "corners": camera.frustum(depth).tolist()}
 
 
+def _usual_places(room: Room) -> Float64Array:
+    """Return opposite corners (2 N, 3) of the places of all people but for far-off points."""
+    known = [p.joints[np.isfinite(p.joints).all(-1)] for p in room.people]
+    corners = [np.percentile(joints, _USUAL, axis=0) for joints in known if len(joints)]
+    return np.concatenate([np.zeros((0, 3)), *corners])
+
+
 def _extent(room: Room) -> float:
     """Return the size of the scene: that of the cameras, and of where people usually are."""
     centres = np.array([camera.centre for camera in room.cameras])
-    known = [p.joints[np.isfinite(p.joints).all(-1)] for p in room.people]
-    known = [np.percentile(points, [5, 95], axis=0) for points in known if len(points)]
-    return max(float(np.linalg.norm(np.ptp(np.concatenate([centres, *known]), axis=0))), 1e-6)
+    points = np.concatenate([centres, _usual_places(room)])
+    return max(float(np.linalg.norm(np.ptp(points, axis=0))), 1e-6)
 
 
 def _floor(room: Room) -> list[float]:
     """Return left, right, near and far end of the floor, and the step of its grid."""
     step = 1.0 if room.metric else 0.5
-    points = [np.array([camera.centre for camera in room.cameras])]
-    known = [p.joints[np.isfinite(p.joints).all(-1)] for p in room.people]
-    points += [np.percentile(joints, [2, 98], axis=0) for joints in known if len(joints)]
-    xy = np.concatenate(points)[:, :2] / step
+    centres = np.array([camera.centre for camera in room.cameras])
+    xy = np.concatenate([centres, _usual_places(room)])[:, :2] / step
     (left, near), (right, far) = np.floor(xy.min(0)) * step, np.ceil(xy.max(0)) * step
     return [float(left), float(right), float(near), float(far), step]
 

@@ -227,7 +227,7 @@ def advice_section(c: Calibration) -> str:
         return ""
     return section(
         "What is weak, and what to do next",
-        coded((one.code.value, _as_sentence(remark_sentence(one))) for one in advice),
+        coded((one.code.value, _as_sentence(remark_sentence(one), one.cameras)) for one in advice),
     )
 
 
@@ -236,7 +236,9 @@ def reasons_section(c: Calibration) -> str:
     parts = []
     if c.rejections:
         title = "Why it was refused" if c.status is not Status.OK else "What was left out"
-        said = [(one.reason.value, _as_sentence(labelled(one))) for one in c.rejections]
+        said = [
+            (one.reason.value, _as_sentence(labelled(one), one.cameras)) for one in c.rejections
+        ]
         parts += [subtitle(title), coded(said)]
     if c.uncalibrated:
         left = [
@@ -244,12 +246,17 @@ def reasons_section(c: Calibration) -> str:
         ]
         parts += [subtitle("Cameras without a pose"), coded(left)]
     if about_input := [one for one in c.remarks if one.code not in _ADVICE]:
-        said = [(one.code.value, _as_sentence(remark_sentence(one))) for one in about_input]
+        said = [
+            (one.code.value, _as_sentence(remark_sentence(one), one.cameras)) for one in about_input
+        ]
         parts += [subtitle("About the input"), coded(said)]
     return section("Reasons and remarks", *parts) if parts else ""
 
 
-def _as_sentence(text: str) -> str:
+def _as_sentence(text: str, names: Sequence[str]) -> str:
+    """With a full stop, and a capital unless it begins with the name of a camera."""
+    if any(text.startswith(name) for name in names):
+        return f"{text}."
     return f"{text[:1].upper()}{text[1:]}."
 
 

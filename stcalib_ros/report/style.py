@@ -25,6 +25,9 @@ PEOPLE = ("#22262B", "#6B4F3A", "#4E6070", "#5E4B66", "#4C5B3C")
 PEOPLE_ON_SCREEN = ("#8A7355", "#6C8496", "#9A7396", "#74915A", "#B0705F", "#5F8F8A")
 """The same for a page, which may be light or dark."""
 
+FIGURES = ("#F5C400", "#56C1FF", "#FF7A59", "#7CE577", "#E58CF0", "#FFFFFF")
+"""One bright colour per person, for images of cameras."""
+
 DPI = 160
 
 INK = "#22262B"

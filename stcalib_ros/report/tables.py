@@ -9,7 +9,11 @@ import numpy as np
 
 from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.geometry.so3 import quaternion_from_matrix, rotation_angle
-from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
+from stcalib_ros.core.model.calibration import (
+    Calibration,
+    CameraCalibration,
+    PersonAssociation,
+)
 from stcalib_ros.core.model.recording import CameraRecording, Recording
 from stcalib_ros.report.fits import KeypointFit
 from stcalib_ros.report.markup import paragraph, table
@@ -99,18 +103,26 @@ def directions(c: Calibration) -> tuple[str, str]:
 
 def persons(c: Calibration) -> str:
     """List the tracks of every person."""
-    names = [camera.name for camera in c.cameras]
-    head = ("person", *(f"track of {name}" for name in names), "error (rms)", "taken for another")
+    head = ("person", "tracks", "error (rms)", "taken for another")
     rows = [
         (
-            str(p.person_id),
-            *(", ".join(map(str, p.tracks.get(name, ()))) or "-" for name in names),
-            f"{p.reprojection_rms_px:.2f} px",
-            margin_text(p.margin),
+            str(person.person_id),
+            "; ".join(f"{name}: {_ids(person.tracks[name])}" for name in _order(c, person)),
+            f"{person.reprojection_rms_px:.2f} px",
+            margin_text(person.margin),
         )
-        for p in c.persons
+        for person in c.persons
     ]
     return table([head, *rows])
+
+
+def _order(c: Calibration, person: PersonAssociation) -> list[str]:
+    """Names of the cameras that have tracks of a person, in the order of the calibration."""
+    return [camera.name for camera in c.cameras if person.tracks.get(camera.name)]
+
+
+def _ids(tracks: Sequence[int]) -> str:
+    return ", ".join(map(str, tracks))
 
 
 def pairs(c: Calibration) -> str:

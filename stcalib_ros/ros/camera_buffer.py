@@ -16,6 +16,7 @@ from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.io.keypoint_pixels import with_pixels
 from stcalib_ros.io.messages import NS, CameraInfoFields, PoseImage, lens, pose_image
 from stcalib_ros.io.topics import SelectedCamera
+from stcalib_ros.ros.buffer_warnings import ASIDE, FLUSH, RESTART
 from stcalib_ros.ros.lens_follower import LensChange, LensFollower
 from stcalib_ros.ros.lens_input import DriverImage
 from stcalib_ros.ros.limits import MAX_CHECKED_IMAGES, MAX_LINE, MAX_TEXT
@@ -183,11 +184,13 @@ class CameraBuffer:
     def settle(self) -> None:
         """Take over a change that has proved to be one by now."""
         now_s = self._clock()
+        before_ns = self._follower.stream.newest_ns
         if (change := self._follower.change(now_s)) is not None:
             why, dropped = change
             self._count_dropped(dropped)
             if why:
-                self._flushed(f"{self.camera.pose_topic}: {why}")
+                back = self._follower.stream.newest_ns < before_ns
+                self._flushed(f"{self.camera.pose_topic}: {why}", RESTART if back else FLUSH)
         if (new := self.lens.settle()) is not None:
             self._take_lens(new)
 
@@ -240,7 +243,7 @@ class CameraBuffer:
             self._last_problem = one_line(
                 f"{topic}: {why}; do two cameras publish on this topic?", MAX_LINE
             )
-            self._warn("aside", f"{self._last_problem} (images are set aside until this is clear)")
+            self._warn(ASIDE, f"{self._last_problem} (images are set aside until this is clear)")
             return
         if bound := self._follower.append(image, now_s):
             self._warn("bound", f"{topic}: {bound}; the oldest images are discarded")
@@ -259,10 +262,10 @@ class CameraBuffer:
         if had_images:
             self._flushed(change.why)
 
-    def _flushed(self, why: str) -> None:
+    def _flushed(self, why: str, event: str = FLUSH) -> None:
         self._flushes += 1
         self._last_problem = one_line(why, MAX_LINE)
-        self._warn("flush", f"{self._last_problem}; images received before are discarded")
+        self._warn(event, f"{self._last_problem}; images received before are discarded")
 
     def _count_dropped(self, n: int) -> None:
         if n:

@@ -11,10 +11,11 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from stcalib_ros.core.model.rejection import Rejection
 from stcalib_ros.core.model.rejection_text import sentence
-from stcalib_ros.core.monitoring.alarms import Verdict
+from stcalib_ros.core.monitoring.alarms import State, Verdict
 from stcalib_ros.io.message_types import TYPES, Content, types_of
 from stcalib_ros.io.topics import SelectedCamera
 from stcalib_ros.ros.camera_buffer import Counts
+from stcalib_ros.ros.coverage import CameraCoverage
 from stcalib_ros.ros.driver_lenses import OFF, DriverState
 from stcalib_ros.ros.limits import PROBLEM_S, REPEAT_STARVED_S, STARVED_S
 from stcalib_ros.ros.load import Load
@@ -146,6 +147,7 @@ def camera_status(
     lack: str,
     verdict: Verdict | None,
     driver: DriverState = OFF,
+    coverage: CameraCoverage | None = None,
 ) -> Any:
     """Return the status of one camera.
 
@@ -177,9 +179,37 @@ def camera_status(
         "set_aside": counts.set_aside,
         "last_problem": counts.last_problem,
         "set_camera_info": driver.text,
+        **_coverage_values(coverage),
         **_watch_values(verdict),
     }
     return _status(f"{prefix}: camera {camera.name}", level, message, values)
+
+
+def _coverage_values(coverage: CameraCoverage | None) -> dict[str, str]:
+    """Values of what the window has seen; None: it has not been looked at yet."""
+    if coverage is None:
+        return {}
+    shared = (f"{name}: {seconds} s" for name, seconds in coverage.shared_s.items())
+    return {
+        "image_covered": f"{coverage.share:.2f}",
+        "shared_with": ", ".join(shared),
+        "needs": coverage.missing,
+    }
+
+
+def changed_line(verdict: Verdict, *, again: bool) -> str:
+    """Say that a calibration does not hold any more, and what to do.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    again : bool
+        The node will calibrate again by itself.
+    """
+    if again:
+        return f"{verdict.sentence()}; calibrating again as soon as people have moved"
+    undo = "" if verdict.state is State.DRIFTED else "undo the change, or "
+    return f"{verdict.sentence()}; {undo}let people walk and call ~/recalibrate_now"
 
 
 def _watch_values(verdict: Verdict | None) -> dict[str, str]:

@@ -115,6 +115,53 @@ GATHERING_S = 3.0
 """Seconds of stamps. A camera that saw motion within this and has not enough of it yet is waited
 for. Chosen: short beside `min_motion_s`; not measured."""
 
+# What is shown ----------------------------------------------------------------------------------
+
+GRID_COLUMNS, GRID_ROWS = 8, 6
+"""Cells of an image, count, of which is shown whether the window has seen people there: squares of
+an image of 4:3, and of 60 px where it has 640 x 480, about a head at 3 m. Chosen."""
+
+SHOWN_HZ = 10.0
+"""Hertz. People move this often in RViz and Foxglove, and in so many images a second it is shown
+which keypoints are theirs: smooth enough to follow a walk. Chosen."""
+
+SIGHT_S = 1.5
+"""Seconds of stamps. People are triangulated from so much at a time: about a slot of the
+association (1.7 s), which compares whole strides. Chosen."""
+
+SIGHT_EVERY_S = 0.5
+"""Seconds of stamps. From one such look to the next; with `SIGHT_S`, two thirds of each are known
+from the one before, so that people keep their numbers. Chosen: 4 cameras and 3 people take 0.15 s
+of CPU a look, while somebody has subscribed."""
+
+MAX_DELAY_S = 1.5
+"""Seconds. People are shown no later than this behind the newest look. Chosen: three looks."""
+
+SAME_PERSON = 0.3
+"""Fraction of the extent of a body, half a metre. People of two looks whose joints are nearer at
+the same times are the same: both see the same images then, and two people are rarely so close."""
+
+TRACK_MEMORY_S = 10.0
+"""Seconds. So long the number of a person is kept by their id in a camera while they are not
+triangulated, as when only one camera sees them. Chosen."""
+
+VIEW_PEOPLE_S = 10.0
+"""Seconds of stamps. People who are shown are collected so long, once for each calibration, before
+they say where up and the floor is: leaning forward cancels as far as they have turned. Chosen."""
+
+MIN_LEVEL = 1e-3
+"""Length of a horizontal direction, or of the mean of unit vectors, count. Below it there is none:
+the camera looks straight down, or cameras contradict each other. Numerical."""
+
+MAX_MISSED_WIDTH = 0.05
+"""Fraction of the width of an image, 32 px of 640. Persons of an image whose keypoints are further
+(median) from where somebody in 3D projects to are not that person. Chosen: above the errors of a
+camera that has moved a little, whose residuals are to be seen."""
+
+GONE_S = 1.0
+"""Seconds. Lifetime of what moves: it disappears that long after the last message. Chosen: ten
+periods of `SHOWN_HZ`."""
+
 # The watch --------------------------------------------------------------------------------------
 
 LATE_S = 3.0
@@ -137,6 +184,15 @@ above what discovery takes; not measured."""
 
 REPEAT_S = 5.0
 """Seconds. A warning about one subject is repeated no sooner; the log stays readable."""
+
+ASIDE_WARN_S = 2.0
+"""Seconds. Images that were set aside are reported after so long: by then a camera that has changed
+is known as such (`QUIET_S` and `CONFIRMING_IMAGES` at 10 Hz), and all cameras of a bag that begins
+again have done so."""
+
+REPEAT_RESTART_S = 300.0
+"""Seconds. A warning that time begins again is repeated no sooner: a bag of 10 s that is played in
+a loop all day gives one line every five minutes."""
 
 REPEAT_STARVED_S = 30.0
 """Seconds. The same for a camera or topic that is starved, which can last for hours."""

@@ -1,85 +1,100 @@
-"""Cameras as markers for RViz: a frustum and a name each."""
+"""Cameras as markers: a frustum, a name and an accuracy each."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
-from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
-from std_msgs.msg import ColorRGBA, Header
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
+from stcalib_ros.ros.image_planes import frustum_depth, frustum_plane
+from stcalib_ros.ros.marker_shapes import Color, Pen, duration
 
-_DEPTH = 0.15
-"""Length of a frustum, as a fraction of the largest distance between two cameras."""
-_MIN_EXTENT = 1e-3
-"""Lengths of the calibration's unit. Smallest size of a rig, for cameras at one place."""
-_LINE_WIDTH, _TEXT_HEIGHT = 0.03, 0.4
-"""Fractions of the length of a frustum."""
-
-_COLOR = ColorRGBA(r=0.1, g=0.5, b=0.9, a=1.0)
+_LINE_WIDTH, _TEXT_HEIGHT, _SMALL_TEXT = 0.03, 0.25, 0.12
+"""Fractions of the length of a frustum: its lines, the name, and the accuracy below it. Chosen by
+looking at it."""
+_NAME_ABOVE, _ACCURACY_ABOVE = 0.45, 0.25
+"""Fractions of the length of a frustum by which the middle of each text is above the camera, as
+its image has it, so that they do not cover each other. Chosen by looking at it."""
+_SIGMAS = 3.0
+"""Standard deviations. Half axes of the ellipsoid of the position of a camera: it is in there with
+a probability of 97 %."""
+_LEAST_AXIS = 0.01
+"""Fraction of the length of a frustum. A shorter half axis of an ellipsoid is shown this long: RViz
+warns of a size of zero, and nobody sees it."""
+_CAMERA: Color = (0.1, 0.5, 0.9, 1.0)
 """Red, green, blue and opacity of the cameras, 0 to 1: visible on dark and on light backgrounds."""
+_UNCERTAINTY: Color = (0.9, 0.6, 0.1, 0.5)
+"""Of the ellipsoids; as `_CAMERA`, and one sees through."""
 
 
 def camera_markers(calibration: Calibration, *, stamp: Time) -> MarkerArray:
-    """Return frusta and names in the reference frame, after the deletion of earlier markers."""
+    """Return frusta, names and accuracies, after the deletion of earlier markers.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    stamp : builtin_interfaces.msg.Time
+
+    Returns
+    -------
+    visualization_msgs.msg.MarkerArray
+        In the reference frame, to stay until the next: namespaces ``frusta``, ``names``,
+        ``accuracy`` (text) and ``uncertainty`` (ellipsoids of three standard deviations), ids by
+        the order of the cameras.
+    """
     header = Header(stamp=stamp, frame_id=calibration.reference_frame)
-    depth = _DEPTH * _extent(calibration)
+    pen, depth = Pen(header, duration(0.0)), frustum_depth(calibration)
     markers = [Marker(header=header, action=Marker.DELETEALL)]
     for number, camera in enumerate(calibration.cameras):
-        markers += [
-            _frustum(camera, header, number, depth),
-            _name(camera, header, number, depth),
-        ]
+        markers += _camera(camera, pen, number, depth, metric=calibration.metric)
     return MarkerArray(markers=markers)
 
 
-def _extent(calibration: Calibration) -> float:
-    centres = np.array([c.t_ref_cam for c in calibration.cameras]).reshape(-1, 3)
-    distances = np.linalg.norm(centres[:, None] - centres[None], axis=-1)
-    return float(max(distances.max(initial=0.0), _MIN_EXTENT))
-
-
-def _frustum(camera: CameraCalibration, header: Header, number: int, depth: float) -> Marker:
-    corners = _corners(camera, depth)
-    apex = camera.t_ref_cam
-    rays = [point for corner in corners for point in (apex, corner)]
+def _camera(
+    camera: CameraCalibration, pen: Pen, number: int, depth: float, *, metric: bool
+) -> list[Marker]:
+    corners = frustum_plane(camera, depth).corners
+    centre, up = camera.t_ref_cam, -camera.R_ref_cam[:, 1]
+    rays = [end for corner in corners for end in (centre, corner)]
     frame = [corners[i] for k in range(4) for i in (k, (k + 1) % 4)]
-    return Marker(
-        header=header,
-        ns="frusta",
-        id=number,
-        type=Marker.LINE_LIST,
-        pose=Pose(orientation=Quaternion(w=1.0)),
-        scale=Vector3(x=_LINE_WIDTH * depth),
-        color=_COLOR,
-        lifetime=Duration(),
-        points=[_point(p) for p in rays + frame],
+    name_at, accuracy_at = centre + _NAME_ABOVE * depth * up, centre + _ACCURACY_ABOVE * depth * up
+    text = accuracy_text(camera, metric=metric)
+    return [
+        pen.lines("frusta", number, np.array(rays + frame), _LINE_WIDTH * depth, _CAMERA),
+        pen.text("names", number, name_at, _TEXT_HEIGHT * depth, _CAMERA, camera.name),
+        pen.text("accuracy", number, accuracy_at, _SMALL_TEXT * depth, _CAMERA, text),
+        pen.ellipsoid(
+            "uncertainty", number, centre, _half_axes(camera, _LEAST_AXIS * depth), _UNCERTAINTY
+        ),
+    ]
+
+
+def accuracy_text(camera: CameraCalibration, *, metric: bool) -> str:
+    """Say how well the pose and the clock of a camera are known.
+
+    Standard deviations of the position (root of the sum over the axes), of the rotation (likewise)
+    and of the time offset, which is given, too; of the reference camera only that it is that.
+    """
+    variances = np.diag(camera.covariance)
+    place, turn = (
+        math.sqrt(max(float(part.sum()), 0.0)) for part in (variances[:3], variances[3:])
+    )
+    if place == 0.0 and camera.time_offset_s == 0.0:
+        return "reference"
+    length = f"{1e3 * place:.1f} mm" if metric else f"{place:.4f} baselines"
+    return (
+        f"+-{length}, +-{math.degrees(turn):.2f} deg\n"
+        f"clock {1e3 * camera.time_offset_s:+.1f} +-{1e3 * camera.time_offset_stddev_s:.1f} ms"
     )
 
 
-def _corners(camera: CameraCalibration, depth: float) -> Float64Array:
-    """(4, 3) corners of the image at a depth, in the reference frame; the lens taken as ideal."""
-    lens = camera.intrinsics
-    u = np.array([0.0, lens.width, lens.width, 0.0])
-    v = np.array([0.0, 0.0, lens.height, lens.height])
-    rays = np.linalg.solve(lens.K, np.stack([u, v, np.ones(4)])).T @ lens.R_rect_cam
-    return np.asarray(depth * rays @ camera.R_ref_cam.T + camera.t_ref_cam)
-
-
-def _name(camera: CameraCalibration, header: Header, number: int, depth: float) -> Marker:
-    return Marker(
-        header=header,
-        ns="names",
-        id=number,
-        type=Marker.TEXT_VIEW_FACING,
-        pose=Pose(position=_point(camera.t_ref_cam), orientation=Quaternion(w=1.0)),
-        scale=Vector3(z=_TEXT_HEIGHT * depth),
-        color=_COLOR,
-        text=camera.name,
-    )
-
-
-def _point(p: Float64Array) -> Point:
-    return Point(x=float(p[0]), y=float(p[1]), z=float(p[2]))
+def _half_axes(camera: CameraCalibration, least: float) -> Float64Array:
+    """Half axes (3, 3), in columns, of the ellipsoid of `_SIGMAS` of the position."""
+    covariance = 0.5 * (camera.covariance + camera.covariance.T)[:3, :3]
+    variances, axes = np.linalg.eigh(covariance)
+    return np.asarray(axes * np.maximum(_SIGMAS * np.sqrt(np.maximum(variances, 0.0)), least))

@@ -21,17 +21,18 @@ from rclpy.task import Future
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
-from stcalib_ros.core.monitoring.alarms import State, Verdict
+from stcalib_ros.core.monitoring.alarms import Verdict
 from stcalib_ros.core.monitoring.replacement import should_replace
 from stcalib_ros.io.history import History
-from stcalib_ros.io.stamps import SAME_CLOCK
 from stcalib_ros.msg import CalibrationResult
+from stcalib_ros.ros.buffer_warnings import BufferWarnings
 from stcalib_ros.ros.buffers import Buffers
 from stcalib_ros.ros.camera_buffer import Counts
 from stcalib_ros.ros.convert import calibration_result, time_message
 from stcalib_ros.ros.diagnostics import (
     SolverState,
     camera_status,
+    changed_line,
     complaints,
     load_status,
     solver_status,
@@ -43,7 +44,6 @@ from stcalib_ros.ros.intake import Intake
 from stcalib_ros.ros.limits import (
     CHECK_S,
     MAX_LINE,
-    MIN_CAMERAS,
     STARVED_S,
     STOP_S,
 )
@@ -51,11 +51,13 @@ from stcalib_ros.ros.load import Meter
 from stcalib_ros.ros.parameter_specs import calibrator_help, help_asked
 from stcalib_ros.ros.parameters import Settings, declare, settings_from
 from stcalib_ros.ros.publishers import Publishers
-from stcalib_ros.ros.readiness import Trigger, ready_cameras
+from stcalib_ros.ros.readiness import Trigger, moving_since, ready_cameras
+from stcalib_ros.ros.requests import Wanted
 from stcalib_ros.ros.running import spin_until, start_node, stop_on_signals
 from stcalib_ros.ros.services import Feedback, Run, Services
 from stcalib_ros.ros.subscriptions import Subscriptions
 from stcalib_ros.ros.throttle import Throttle
+from stcalib_ros.ros.views import Views
 from stcalib_ros.ros.watcher import Watcher
 from stcalib_ros.ros.worker import Job, Outcome, Worker, failure
 
@@ -81,7 +83,8 @@ class Calibrator:
         self.settings = settings_from(self._values, node_name=node.get_fully_qualified_name())
         self._throttle = Throttle(self.log.warning)
         self._throttle.not_before("starved", STARVED_S)
-        self.buffers = Buffers(self.settings.cameras, self.settings.limits, self._throttle)
+        self._warnings = BufferWarnings(self._throttle)
+        self.buffers = Buffers(self.settings.cameras, self.settings.limits, self._warnings)
         self.buffers.set_default(LensKnowledge(self.settings.options.intrinsics))
         self.run: Run | None = None
         self._solver = SolverState()
@@ -95,10 +98,12 @@ class Calibrator:
         self._subscriptions = Subscriptions(node, self.settings, self._intake)
         self.services = Services(node, self)
         self._drivers = DriverLenses(node, self.settings.set_camera_info)
+        publishers = Publishers(node, self.settings)
+        self._views = Views(node, self.settings, self.buffers, publishers)
         self.in_force = InForce(
             History(self.settings.results_folder, keep=self.settings.keep_results),
             [camera.name for camera in self.settings.cameras],
-            Publishers(node, self.settings),
+            publishers,
             self.message,
             self.log,
         )
@@ -132,37 +137,43 @@ class Calibrator:
         feedback : callable, optional
             Called with every step.
         """
+        wanted = self._wanted(cameras, start_s, end_s)
+        if (refused := self._refused(wanted)) is not None:
+            return refused
+        run = Run(uuid.uuid4().hex[:12], Future(), feedback)
+        wrong = self.watcher.complaint if wanted.start_s >= self.watcher.changed_s else ""
+        images, options = wanted.images, self.settings.options
+        self.worker.start(Job(run.run_id, images, options, requested, wrong))
+        self.run = run
+        self.log.info(f"run {run.run_id} starts with {', '.join(c.name for c in images)}")
+        self._publish_diagnostics(wanted.counts)
+        return run
+
+    def refusal(
+        self,
+        *,
+        cameras: Iterable[str] = (),
+        start_s: float = -math.inf,
+        end_s: float = math.inf,
+    ) -> Calibration | None:
+        """Return a failure that says why a run cannot start, or None; see `start`."""
+        return self._refused(self._wanted(cameras, start_s, end_s))
+
+    def _wanted(self, cameras: Iterable[str], start_s: float, end_s: float) -> Wanted:
+        """Collect what a run would be made of."""
         names = tuple(cameras)
-        if self.run is not None:
-            return failure(Status.CANCELLED, f"not started: run {self.run.run_id} is under way")
-        known = [camera.name for camera in self.settings.cameras]
-        if unknown := [name for name in names if name not in known]:
-            wrong = one_line(", ".join(unknown), MAX_LINE)
-            return failure(
-                Status.INSUFFICIENT_DATA,
-                f"not started: no camera {wrong}; there are {', '.join(known)}",
-            )
         if start_s == -math.inf:
             start_s = self.watcher.changed_s
         clocks = self.in_force.clocks
         images = self.buffers.snapshot(names, start_s=start_s, end_s=end_s, clocks=clocks)
-        counts = self.buffers.counts()
-        ready = [camera.name for camera in images if counts[camera.name].no_lens is None]
-        if len(ready) < MIN_CAMERAS:
-            there = ", ".join(ready) or "none"
-            return failure(
-                Status.INSUFFICIENT_DATA,
-                "not started: two cameras with poses and CameraInfo are needed (ready: "
-                f"{there}); /diagnostics says what the others wait for",
-            )
-        run = Run(uuid.uuid4().hex[:12], Future(), feedback)
-        wrong = self.watcher.complaint if start_s >= self.watcher.changed_s else ""
-        if not self.worker.start(Job(run.run_id, images, self.settings.options, requested, wrong)):
+        return Wanted(names, start_s, images, self.buffers.counts())
+
+    def _refused(self, wanted: Wanted) -> Calibration | None:
+        if self.run is not None:
+            return failure(Status.CANCELLED, f"not started: run {self.run.run_id} is under way")
+        if self.worker.step is not None:
             return failure(Status.CANCELLED, "not started: the last run has not ended yet")
-        self.run = run
-        self.log.info(f"run {run.run_id} starts with {', '.join(c.name for c in images)}")
-        self._publish_diagnostics(counts)
-        return run
+        return wanted.refusal([camera.name for camera in self.settings.cameras])
 
     def cancel(self) -> None:
         """Cancel the run in progress."""
@@ -201,6 +212,7 @@ class Calibrator:
         if self.in_force.calibration is not None:
             self._trigger.settle(True)
         self._solver = replace(self._solver, in_force=self.in_force.run_id)
+        self._views.begin(self.in_force.calibration)
         self._begin_watch()
 
     def _begin_watch(self) -> None:
@@ -257,7 +269,9 @@ class Calibrator:
         self._subscriptions.follow_people()
         self.in_force.save_again()
         counts = self.buffers.counts()
+        self._warnings.settle()
         self._watch(counts)
+        self._views.refresh(self.settings, counts, self.watcher.verdicts)
         lacks = self._publish_diagnostics(counts)
         for subject, line, every_s in complaints(lacks, counts):
             self._throttle(subject, line, every_s=every_s)
@@ -280,36 +294,21 @@ class Calibrator:
         )
 
     def _report(self, verdict: Verdict) -> None:
-        if not verdict.state.alarm:
-            self.log.info(verdict.sentence())
-        elif not verdict.state.changed:
-            self.log.warning(verdict.sentence())
-        elif self.settings.auto_recalibrate:
-            self._trigger = Trigger()
-            self.log.error(f"{verdict.sentence()}; calibrating again as soon as people have moved")
-        else:
-            undo = "" if verdict.state is State.DRIFTED else "undo the change, or "
-            self.log.error(
-                f"{verdict.sentence()}; {undo}let people walk and call ~/recalibrate_now"
-            )
+        say, line = self.log.info, verdict.sentence()
+        if verdict.state.changed:
+            say, line = self.log.error, changed_line(verdict, again=self.settings.auto_recalibrate)
+            if self.settings.auto_recalibrate:
+                self._trigger = Trigger()
+        elif verdict.state.alarm:
+            say = self.log.warning
+        say(line)
 
     def _consider(self) -> None:
         """Calibrate unasked, if enough was seen since something happened."""
-        since_s, clocks = self.watcher.changed_s, self.in_force.clocks
-        moving = {
-            name: frozenset(
-                second
-                for second in seconds
-                if second >= clocks.get(name, SAME_CLOCK).camera_time(since_s)
-            )
-            for name, seconds in self.buffers.moving().items()
-        }
+        moving = moving_since(self.buffers.moving(), self.watcher.changed_s, self.in_force.clocks)
+        slack_s = 2.0 * self.settings.options.offset_range_s
         ready = frozenset(
-            ready_cameras(
-                moving,
-                min_motion_s=self.settings.min_motion_s,
-                slack_s=2.0 * self.settings.options.offset_range_s,
-            )
+            ready_cameras(moving, min_motion_s=self.settings.min_motion_s, slack_s=slack_s)
         )
         now_s = self.buffers.newest_s()
         window_s = self.settings.limits.window_s
@@ -334,7 +333,8 @@ class Calibrator:
                 load_status(prefix, self._meter.load(), lost, newly_lost=newly_lost),
                 *(
                     camera_status(
-                        prefix, c, counts[n], lacks[n], verdicts.get(n), drivers.get(n, OFF)
+                        *(prefix, c, counts[n], lacks[n], verdicts.get(n)),
+                        *(drivers.get(n, OFF), self._views.coverage.get(n)),
                     )
                     for n, c in cameras.items()
                 ),

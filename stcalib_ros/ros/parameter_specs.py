@@ -97,6 +97,12 @@ NODE_SPECS = (
     ),
     Spec("keep_results", 50, "Number of calibrations kept on disk.", 2, 1000, fixed=True),
     *TF_SPECS,
+    Spec(
+        "view_frame",
+        "stcalib_view",
+        "Frame on /tf_static to look at markers from, z up; empty: none.",
+        fixed=True,
+    ),
 )
 
 _OPTIONS = (

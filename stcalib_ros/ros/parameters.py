@@ -66,6 +66,7 @@ class Settings:
     publish_tf: bool
     tf_not_metric: bool
     tf_suffix: str
+    view_frame: str
     set_camera_info: Mapping[str, str]
 
 
@@ -125,7 +126,7 @@ def settings_from(values: Mapping[str, Any], *, node_name: str) -> Settings:
     watch = ("watch", "auto_recalibrate")
     own = ("queue_depth", "auto_calibrate", "min_motion_s", "period_s", "keep_results")
     initial = values["initial_calibration"]
-    tf = ("publish_tf", "tf_not_metric", "tf_suffix")
+    tf = ("publish_tf", "tf_not_metric", "tf_suffix", "view_frame")
     return Settings(
         cameras=_cameras(names, values),
         limits=limits,

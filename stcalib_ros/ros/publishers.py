@@ -6,12 +6,15 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
+from stcalib_ros.core.geometry.so3 import quaternion_from_matrix
+from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.msg import CalibrationResult, CameraExtrinsics, CameraIntrinsics, TimeOffset
@@ -105,7 +108,13 @@ class Publishers:
         self._markers = node.create_publisher(MarkerArray, "~/markers", latched())
         self._lenses = {c.name: self._lens_publisher(node, c.name) for c in settings.cameras}
         self._lenses_published: set[str] = set()
-        self._tf = self._tf_publisher(node) if settings.publish_tf else None
+        self._node = node
+        self._tf: tuple[Any, Any] | None = None
+        self._frames: list[TransformStamped] = []
+        self._view: TransformStamped | None = None
+        self._has_tf = True
+        if settings.publish_tf:
+            self._open_tf()
 
     def publish(self, calibration: Calibration, result: CalibrationResult) -> None:
         """Publish a calibration, of which `result` is the message, on all topics."""
@@ -137,29 +146,64 @@ class Publishers:
             )
             return None
 
+    def show_view(self, name: str, parent: str, T_ref_view: Float64Array) -> None:
+        """Publish a frame to look from on /tf_static, whatever the unit of length is.
+
+        It has no children, so that it fits into any tree of frames.
+
+        Parameters
+        ----------
+        name : str
+            Its name; empty: it is not published.
+        parent : str
+            Reference frame.
+        T_ref_view : (4, 4) ndarray
+        """
+        x, y, z, w = map(float, quaternion_from_matrix(T_ref_view[:3, :3]))
+        place = dict(zip("xyz", map(float, T_ref_view[:3, 3]), strict=True))
+        frame = TransformStamped(
+            header=Header(frame_id=parent),
+            child_frame_id=name,
+            transform=Transform(
+                translation=Vector3(**place), rotation=Quaternion(x=x, y=y, z=z, w=w)
+            ),
+        )
+        if name and frame != self._view:
+            self._view = frame
+            self._open_tf()
+            self._send_frames()
+
     def _publish_tf(self, calibration: Calibration, stamp: Time) -> None:
-        if self._tf is None:
+        if self._tf is None or not self._settings.publish_tf:
             return
-        if not calibration.metric and not self._settings.tf_not_metric:
-            self._log.warning(
-                "/tf_static: not published, since lengths are not metres; "
-                "set tf_not_metric to publish all the same"
-            )
+        self._frames = []
+        if calibration.metric or self._settings.tf_not_metric:
+            self._frames = transforms(calibration, stamp=stamp, suffix=self._settings.tf_suffix)
+            self._send_frames()
             return
-        message_type, publisher = self._tf
-        suffix = self._settings.tf_suffix
-        publisher.publish(
-            message_type(transforms=transforms(calibration, stamp=stamp, suffix=suffix))
+        self._log.warning(
+            "/tf_static: not published, since lengths are not metres; "
+            "set tf_not_metric to publish all the same"
         )
 
-    def _tf_publisher(self, node: Any) -> tuple[Any, Any] | None:
-        """Own publisher: tf2's broadcaster does not replace what it has sent."""
+    def _send_frames(self) -> None:
+        """Send all frames in one message: who comes late gets the last one only."""
+        if self._tf is not None:
+            message_type, publisher = self._tf
+            view = [] if self._view is None else [self._view]
+            publisher.publish(message_type(transforms=[*self._frames, *view]))
+
+    def _open_tf(self) -> None:
+        """Open /tf_static, once: tf2's own broadcaster does not replace what it has sent."""
+        if self._tf is not None or not self._has_tf:
+            return
         try:
             from tf2_msgs.msg import TFMessage
         except ModuleNotFoundError:
+            self._has_tf = False
             self._log.warning(
                 "/tf_static: not published, since the package tf2_msgs is not installed; "
                 "everything else works"
             )
-            return None
-        return TFMessage, node.create_publisher(TFMessage, "/tf_static", latched())
+            return
+        self._tf = TFMessage, self._node.create_publisher(TFMessage, "/tf_static", latched())

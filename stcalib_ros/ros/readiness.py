@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Set
 
+from stcalib_ros.io.stamps import SAME_CLOCK, ClockCorrection
 from stcalib_ros.ros.limits import GATHERING_S
 
 
@@ -19,6 +20,17 @@ def shared_motion_s(a: Set[int], b: Set[int], slack_s: float) -> int:
     reach = math.ceil(slack_s)
     near = {second + d for second in b for d in range(-reach, reach + 1)}
     return len(a & near)
+
+
+def shared_both_ways_s(a: Set[int], b: Set[int], slack_s: float) -> int:
+    """Return the smaller of the seconds of `a` shared with `b`, and of `b` with `a`.
+
+    Examples
+    --------
+    >>> shared_both_ways_s({1, 2, 3, 9}, {3, 4}, 1.0)
+    2
+    """
+    return min(shared_motion_s(a, b, slack_s), shared_motion_s(b, a, slack_s))
 
 
 def ready_cameras(
@@ -46,11 +58,7 @@ def ready_cameras(
         a
         for a in seeing
         if any(
-            min(
-                shared_motion_s(seeing[a], seeing[b], slack_s),
-                shared_motion_s(seeing[b], seeing[a], slack_s),
-            )
-            >= min_motion_s
+            shared_both_ways_s(seeing[a], seeing[b], slack_s) >= min_motion_s
             for b in seeing
             if b != a
         )
@@ -60,6 +68,24 @@ def ready_cameras(
         n for n in seeing if n not in ready and max(seeing[n]) >= newest - GATHERING_S - slack_s
     ]
     return () if waiting else tuple(ready)
+
+
+def moving_since(
+    moving: Mapping[str, Set[int]], since_s: float, clocks: Mapping[str, ClockCorrection]
+) -> dict[str, frozenset[int]]:
+    """Return the seconds of motion after a time of the reference clock.
+
+    Parameters
+    ----------
+    moving : mapping of str to set of int
+        Whole seconds in which somebody moves, by camera and by its own clock.
+    since_s : float
+        Seconds since the Unix epoch, reference clock; -inf: all.
+    clocks : mapping of str to ClockCorrection
+        To the reference clock; they agree where this is unknown.
+    """
+    first_s = {name: clocks.get(name, SAME_CLOCK).camera_time(since_s) for name in moving}
+    return {n: frozenset(s for s in seconds if s >= first_s[n]) for n, seconds in moving.items()}
 
 
 class Trigger:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 from std_srvs.srv import Trigger
@@ -55,6 +55,15 @@ class ServedCalibrator(Protocol):
     ) -> Run | Calibration:
         """Start a run on request, or return a failure that says why not."""
 
+    def refusal(
+        self,
+        *,
+        cameras: Iterable[str] = (),
+        start_s: float = -math.inf,
+        end_s: float = math.inf,
+    ) -> Calibration | None:
+        """Return a failure that says why a run cannot start, or None if it can."""
+
     def cancel(self) -> None:
         """Cancel the run in progress."""
 
@@ -81,7 +90,7 @@ class Services:
     """
 
     def __init__(self, node: Any, calibrator: ServedCalibrator) -> None:
-        self._calibrator = calibrator
+        self._calibrator, self._log = calibrator, node.get_logger()
         self._running: Any = None
         long = ReentrantCallbackGroup()
         node.create_service(Recalibrate, "~/recalibrate", self._recalibrate, callback_group=long)
@@ -93,6 +102,7 @@ class Services:
             Calibrate,
             "~/calibrate",
             self._calibrate,
+            goal_callback=self._may_start,
             cancel_callback=self._cancel,
             callback_group=long,
         )
@@ -102,11 +112,7 @@ class Services:
         self._action.destroy()
 
     async def _recalibrate(self, request: Any, response: Any) -> Any:
-        run = self._calibrator.start(
-            cameras=request.cameras,
-            start_s=_bound(request.start, -math.inf),
-            end_s=_bound(request.end, math.inf),
-        )
+        run = self._calibrator.start(**_wanted(request))
         if isinstance(run, Calibration):
             response.result = self._calibrator.message(run, "")
             return response
@@ -140,6 +146,14 @@ class Services:
             response.message = one_line(str(error), MAX_LINE)
         return response
 
+    def _may_start(self, request: Any) -> Any:
+        """Reject a goal that cannot start; the log says why, since a rejection cannot."""
+        refused = self._calibrator.refusal(**_wanted(request))
+        if refused is None:
+            return GoalResponse.ACCEPT
+        self._log.warning(f"~/calibrate: goal rejected: {refused.message}")
+        return GoalResponse.REJECT
+
     async def _calibrate(self, goal: Any) -> Any:
         def publish(step: Step) -> None:
             goal.publish_feedback(
@@ -152,13 +166,7 @@ class Services:
             goal.canceled()
             never = failure(Status.CANCELLED, "cancelled before the run started")
             return Calibrate.Result(result=self._calibrator.message(never, ""))
-        request = goal.request
-        run = self._calibrator.start(
-            cameras=request.cameras,
-            start_s=_bound(request.start, -math.inf),
-            end_s=_bound(request.end, math.inf),
-            feedback=publish,
-        )
+        run = self._calibrator.start(**_wanted(goal.request), feedback=publish)
         if isinstance(run, Calibration):
             goal.abort()
             return Calibrate.Result(result=self._calibrator.message(run, ""))
@@ -178,6 +186,15 @@ class Services:
         if self._running is not None and goal == self._running:
             self._calibrator.cancel()
         return CancelResponse.ACCEPT
+
+
+def _wanted(request: Any) -> dict[str, Any]:
+    """Return what a request or a goal asks for, as arguments of `ServedCalibrator.start`."""
+    return {
+        "cameras": request.cameras,
+        "start_s": _bound(request.start, -math.inf),
+        "end_s": _bound(request.end, math.inf),
+    }
 
 
 def _bound(stamp: Any, none: float) -> float:

@@ -5,9 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
-
-import numpy as np
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
@@ -17,9 +14,9 @@ from stcalib_ros.core.monitoring.limits import KEPT_SPANS, SPAN_S
 from stcalib_ros.core.monitoring.noise import Noise
 from stcalib_ros.core.monitoring.spans import Span, check_span
 from stcalib_ros.io.assemble import CameraImages, Warn, assemble_recording
-from stcalib_ros.io.messages import NS
 from stcalib_ros.io.stamps import SAME_CLOCK, ClockCorrection, corrections_of
-from stcalib_ros.ros.limits import ARRIVING_S, BACKWARDS_S, LATE_S, MIN_CAMERAS
+from stcalib_ros.ros.common_time import common_time, part_between
+from stcalib_ros.ros.limits import BACKWARDS_S, LATE_S, MIN_CAMERAS
 
 
 class Watcher:
@@ -100,15 +97,10 @@ class Watcher:
         if self._calibration is None or self._pending is not None:
             return
         images = snapshot()
-        newest = {
-            c.name: self._clocks[c.name].apply(c.images[-1].stamp_ns) / NS
-            for c in images
-            if c.name in self._clocks and arriving[c.name] <= ARRIVING_S
-        }
-        if len(newest) < MIN_CAMERAS:
+        common = common_time(images, self._clocks, arriving)
+        if common is None:
             return
-        lead_s = {name: _lead(name, newest) for name in newest}
-        end_s = min(t for name, t in newest.items() if lead_s[name] >= -LATE_S)
+        end_s, lead_s = common.end_s, common.lead_s
         if end_s < self._looked_until_s - BACKWARDS_S:
             self._spans, self._looked_until_s, self._changed_s = [], -math.inf, -math.inf
         if end_s < self._looked_until_s + SPAN_S:
@@ -118,7 +110,7 @@ class Watcher:
             start_s = end_s - SPAN_S
         self._looked_until_s = start_s + SPAN_S
         parts = [
-            _part(c, start_s, start_s + SPAN_S, self._clocks.get(c.name, SAME_CLOCK))
+            part_between(c, start_s, start_s + SPAN_S, self._clocks.get(c.name, SAME_CLOCK))
             for c in images
         ]
         self._pending = self._thread.submit(
@@ -153,20 +145,6 @@ class Watcher:
 
 def _statement(verdict: Verdict) -> tuple[State, tuple[str, ...]]:
     return verdict.state, verdict.suspects or (verdict.name,)
-
-
-def _lead(name: str, newest_s: Mapping[str, float]) -> float:
-    """Seconds by which the newest stamp of a camera is ahead of those of the others."""
-    if len(newest_s) == 2:
-        return newest_s[name] - next(t for other, t in newest_s.items() if other != name)
-    return newest_s[name] - float(np.median(list(newest_s.values())))
-
-
-def _part(
-    camera: CameraImages, start_s: float, end_s: float, clock: ClockCorrection
-) -> CameraImages:
-    first, last = (round(clock.camera_time(t) * NS) for t in (start_s, end_s))
-    return replace(camera, images=[i for i in camera.images if first <= i.stamp_ns < last])
 
 
 def _examined(

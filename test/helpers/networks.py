@@ -34,7 +34,7 @@ def save(
 
 
 def brightest_pixel_movenet(path: Path, scores: list[float]) -> Path:
-    """All joints at the brightest pixel, 0.3 px beyond its centre as MoveNet is, of six persons.
+    """All joints at the brightest pixel, 0.25 px beyond its centre as MoveNet is, of six persons.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def brightest_pixel_movenet(path: Path, scores: list[float]) -> Path:
         "two": np.array([2]),
         "three": np.array([3]),
         "flat": np.array([-1]),
-        "beyond": np.full(2, 0.3, np.float32),
+        "beyond": np.full(2, 0.25, np.float32),
         "joint_score": np.full(1, 0.9, np.float32),
         "repeats": np.array([CANDIDATES * N_JOINTS]),
         "persons": np.array([1, CANDIDATES, 3 * N_JOINTS]),

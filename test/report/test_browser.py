@@ -99,12 +99,12 @@ def test_the_slider_moves_the_people(opened: Browser) -> None:
 def test_it_plays_and_stops(opened: Browser) -> None:
     opened.value("document.getElementById('play').click()")
     begin = opened.value("document.getElementById('clock').textContent")
-    opened.settle(20)
+    opened.settle(6)
     assert opened.value("document.getElementById('clock').textContent") != begin
     opened.value("document.getElementById('play').click()")
     opened.settle()
     stopped = opened.value("document.getElementById('clock').textContent")
-    opened.settle(10)
+    opened.settle(4)
     assert opened.value("document.getElementById('clock').textContent") == stopped
 
 
@@ -112,7 +112,7 @@ def test_it_turns_stays_upright_and_comes_back(opened: Browser) -> None:
     x, y = middle(opened)
     before = opened.picture("#scene canvas")
     opened.drag((x, y), (x + 90, y + 20))
-    opened.settle(40)  # until it has come to rest
+    opened.settle(30)  # until it has come to rest
     turned = opened.picture("#scene canvas")
     assert differing(before, turned) > 300
     opened.value("document.getElementById('reset').click()")
@@ -130,7 +130,7 @@ def test_two_fingers_zoom(browser: Browser, report: Path) -> None:
     for reach in (30, 45, 60, 80):
         browser.touch("touchMove", [(x - reach, y), (x + reach, y)])
     browser.touch("touchEnd", [])
-    browser.settle(40)
+    browser.settle(15)
     assert differing(before, browser.picture("#scene canvas")) > 300
     assert browser.value("visualViewport.scale") == 1.0
 

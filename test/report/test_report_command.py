@@ -92,7 +92,7 @@ def test_a_report_of_a_finished_result(
     assert main(["report", str(result), str(bag), "--figures", str(figures)]) == 0
     html = (finished / "out.html").read_text()
     assert "3 of 3 cameras placed by 2 people" in html
-    assert "Residuals are of this recording by the finished result" in html
+    assert "Residuals are those of this recording by the finished result" in html
     said = capsys.readouterr().out
     assert said.startswith(f"Written to {finished / 'out.html'}, ")
     assert len(list(figures.iterdir())) == 6

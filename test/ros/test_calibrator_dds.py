@@ -125,7 +125,7 @@ def test_who_comes_late_gets_everything(client, answer):
         (o.camera, o.offset_s, answer.result.header) for o in result.time_offsets
     ]
     (markers,) = client.latched(MarkerArray, "markers", 1)
-    assert [m.text for m in markers.markers if m.text] == CAMERAS
+    assert [m.text for m in markers.markers if m.ns == "names"] == CAMERAS
 
 
 def test_it_is_saved_and_in_force(client, answer, folder, offline):
@@ -186,6 +186,14 @@ def test_an_unknown_camera_is_refused(client):
     said = client.answer(Recalibrate, "recalibrate", cameras=["cam0", "cam9"])
     assert not said.accepted
     assert said.result.message.endswith("no camera cam9; there are cam0, cam1, cam2, cam3")
+
+
+def test_a_goal_that_cannot_start_is_rejected(client):
+    action = ActionClient(client.node, Calibrate, "/asked/calibrate")
+    client.wait(action.server_is_ready, "the action")
+    sent = action.send_goal_async(Calibrate.Goal(cameras=["cam0", "cam9"]))
+    assert not client.result_of(sent, "the goal's answer").accepted
+    action.destroy()
 
 
 def test_the_action_tells_its_progress_and_is_cancelled(client):

@@ -56,7 +56,7 @@ def test_a_result_is_published_and_is_what_the_live_node_starts_with(
             offsets = client.latched(TimeOffset, "time_offsets", 3)
             assert [o.offset_s for o in offsets] == [c.time_offset_s for c in CALIBRATION.cameras]
             (markers,) = client.latched(MarkerArray, "markers", 1)
-            assert [m.text for m in markers.markers if m.text] == NAMES
+            assert [m.text for m in markers.markers if m.ns == "names"] == NAMES
         for camera in CALIBRATION.cameras:
             (info,) = clients[0].latched(CameraInfo, f"{camera.name}/camera_info", 1)
             assert info.header.frame_id == camera.frame_id

@@ -36,9 +36,14 @@ class OneRun:
         self.run: Run | None = None
         self.cancelled = 0
 
-    def start(self, **_given: Any) -> Run | Calibration:
+    def refusal(self, **_given: Any) -> Calibration | None:
         if self.run is not None:
             return failure(Status.CANCELLED, "not started: a run is in progress")
+        return None
+
+    def start(self, **_given: Any) -> Run | Calibration:
+        if (refused := self.refusal()) is not None:
+            return refused
         self.run = Run("first", Future(), None)
         return self.run
 
@@ -110,6 +115,15 @@ def test_a_goal_that_is_cancelled_reports_what_came_of_its_run(
     assert ended(client, goal) == (goal_status, int(status))
 
 
+def test_a_goal_that_cannot_start_is_rejected(client, calibrator, send):
+    first = send()
+    assert first.accepted
+    client.wait(lambda: calibrator.run is not None, "the run")
+    assert not send().accepted
+    calibrator.end(Status.OK)
+    assert ended(client, first)[0] == GoalStatus.STATUS_SUCCEEDED
+
+
 class Server:
     """Takes the place of rclpy's action server: the test calls back, in an order of its own."""
 
@@ -174,7 +188,7 @@ def test_a_goal_that_is_cancelled_before_its_turn_starts_no_run(server):
     assert calibrator.run is None
 
 
-def test_a_goal_that_is_refused_is_aborted(server):
+def test_a_goal_that_could_start_when_it_was_accepted_and_no_longer_is_aborted(server):
     calibrator, server = server
     calibrator.start()
     goal = Goal()

@@ -212,19 +212,29 @@
     dirty = true;
   }
 
+  // Names stand above what they name; one that would cover another is raised.
   const projected = new THREE.Vector3();
+  const LINE = 15;
   function placeLabels() {
     const width = box.clientWidth;
     const height = box.clientHeight;
+    const placed = [];
     labels.forEach(function (one) {
       projected.copy(one.place()).project(eye);
-      const hidden = one.element.hidden || projected.z > 1;
       const x = (projected.x + 1) / 2 * width;
-      const y = (1 - projected.y) / 2 * height;
-      const inside = x > 0 && x < width && y > 0 && y < height;
-      one.element.style.visibility = hidden || !inside ? "hidden" : "visible";
+      let y = (1 - projected.y) / 2 * height - 13;
+      const inside = x > 0 && x < width && y > 0 && y < height && projected.z < 1;
+      const visible = inside && !one.element.hidden;
+      one.element.style.visibility = visible ? "visible" : "hidden";
+      if (!visible) return;
+      const reach = 3.6 * one.element.textContent.length + 3;
+      const covers = function (other) {
+        return Math.abs(other.x - x) < other.reach + reach && Math.abs(other.y - y) < LINE;
+      };
+      for (let k = 0; k < 6 && placed.some(covers); k++) y -= 5;
+      placed.push({ x: x, y: y, reach: reach });
       one.element.style.transform =
-        "translate(-50%, -50%) translate(" + x.toFixed(1) + "px," + (y - 13).toFixed(1) + "px)";
+        "translate(-50%, -50%) translate(" + x.toFixed(1) + "px," + y.toFixed(1) + "px)";
     });
   }
 
@@ -245,7 +255,7 @@
   }
 
   // Everything in the middle of the view, with room for the names
-  const outline = [];
+  const outline = SCENE.where_people_are.map(vector);
   for (const x of [left, right]) for (const y of [near, far]) outline.push(vector([x, y, 0]));
   SCENE.cameras.forEach(function (camera) {
     outline.push(vector(camera.centre));
