@@ -225,7 +225,6 @@ REMARKS = (
     (
         Remark(C.LEAST_CONSTRAINED_CAMERA, ("a",), LEAST),
         "camera is a: its rotation is known to 0.11 degrees .* to 5 % of .*n$",
-        "camera is a: its rotation is known to 0.11 deg.*, .* to 5 % of the distance to the p.*e$",
     ),
     (
         Remark(C.LEAST_CONSTRAINED_CAMERA, ("a",), {**LEAST, "offset_stddev_ms": 17.2}),
