@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stcalib_ros import __version__
 from stcalib_ros.commands.jobs import count, processes
 from stcalib_ros.core.errors import InputError
 
@@ -192,6 +193,7 @@ def origin_of(args: argparse.Namespace, films: Mapping[str, Path]) -> dict[str, 
     from stcalib_ros.io.film_files import film_id
 
     how = {
+        "version": __version__,
         "estimator": _estimator_text(args),
         "fps_limit": f"{args.fps_limit or DEFAULT_HZ:g}",
     }
