@@ -40,7 +40,7 @@ paper:
 	@.venv/bin/python -m benchmarks.paper all --reduced
 
 test: lint env
-	@$(ROS) && python -m pytest $(PYTEST_ARGS)
+	@$(ROS) && python -m pytest -n 2 --dist loadgroup $(PYTEST_ARGS)
 
 # Only what depends on the ROS distribution.
 test-ros: env

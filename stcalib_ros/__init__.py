@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from stcalib_ros.core.stages import Stages
     from stcalib_ros.core.synthetic.options import SceneOptions
     from stcalib_ros.core.synthetic.scene import simulate
+    from stcalib_ros.estimation.film_recording import FilmOptions, read_films
     from stcalib_ros.io.bag import read_bag
     from stcalib_ros.io.bag_writer import write_bag
     from stcalib_ros.io.camera_info_yaml import write_camera_info
@@ -73,6 +74,7 @@ __all__ = [
     "Diagnosis",
     "Distance",
     "Evaluation",
+    "FilmOptions",
     "InputError",
     "Intrinsics",
     "Layout",
@@ -100,6 +102,7 @@ __all__ = [
     "find_layout",
     "keypoints_only",
     "read_bag",
+    "read_films",
     "read_result",
     "run_stages",
     "simulate",
@@ -150,6 +153,8 @@ _MODULE_OF = {
     "Stages": "core.stages",
     "SceneOptions": "core.synthetic.options",
     "simulate": "core.synthetic.scene",
+    "FilmOptions": "estimation.film_recording",
+    "read_films": "estimation.film_recording",
     "read_bag": "io.bag",
     "write_bag": "io.bag_writer",
     "write_camera_info": "io.camera_info_yaml",

@@ -29,12 +29,15 @@ _OF_BAGS = ("mcap", "lz4", "zstandard")
 _COMMANDS = {
     "calibrate": "calibrate the cameras of a bag",
     "clocks": "say how to cut videos so that they are synchronous",
+    "draw": "draw the people of a result into films",
     "doctor": "say what is in a bag, and whether it will calibrate",
+    "estimate": "make a bag from films, by a pose estimator",
     "evaluate": "compare a result with the truth",
     "people": "write the people of a bag in 3D, by a result",
     "simulate": "make a bag with a known answer",
     "convert": "make a bag from poses in the files of other programs",
     "export": "write a result in the format of another program",
+    "models": "list the estimators of poses in images, or fetch their weights",
 }
 
 _DESCRIPTION = """\
@@ -47,7 +50,7 @@ exit status:
   0    done, and the files are there
   2    unusable arguments or files
   3    this data gives no trustworthy calibration
-  130  interrupted (Ctrl-C); nothing is left behind
+  130  interrupted (Ctrl-C); nothing half done is left behind
 """
 
 

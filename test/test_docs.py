@@ -54,7 +54,11 @@ def options_of(command: str) -> set[str]:
     parser = argparse.ArgumentParser()
     package = "ros" if command in ("replay", "publish") else "commands"
     import_module(f"stcalib_ros.{package}.{command}").add_arguments(parser)
-    return {option for action in parser._actions for option in action.option_strings}
+    actions = list(parser._actions)
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            actions += [own for part in action.choices.values() for own in part._actions]
+    return {option for action in actions for option in action.option_strings}
 
 
 def given_options(words: list[str]) -> set[str]:

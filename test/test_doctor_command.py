@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import pose_writers
 import pytest
 from core_helpers import SMALL, changed, clock_shifted
 
@@ -109,3 +111,39 @@ def test_what_is_no_bag_ends_with_2(
 ) -> None:
     assert main(["doctor", str(tmp_path / name)]) == 2
     assert capsys.readouterr().err.startswith("stcalib: ")
+
+
+@pytest.mark.parametrize(
+    ("write", "arguments", "said"),
+    [
+        (pose_writers.openpose, ["--fps", "30", "--image-size", "1920x1080"], "openpose"),
+        (pose_writers.caliscope, [], "caliscope"),
+        (lambda root, n: pose_writers.multi_view_npz(root.with_suffix(".npz"), n), [], "npz"),
+    ],
+)
+def test_poses_of_other_programs_are_examined_as_convert_reads_them(
+    write: Callable[[Path, int], Path],
+    arguments: list[str],
+    said: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    source = write(tmp_path / "source", 90)
+    assert main(["doctor", str(source), *arguments]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith(f"{source}, read as {said}: 3 cameras, ")
+    assert "will calibrate, 3 of 3 cameras" in " ".join(out.split())
+
+
+def test_what_convert_needs_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = str(pose_writers.openpose(tmp_path / "op", 2))
+    for arguments, said in (
+        ([source], "give --fps HZ"),
+        ([source, "--fps", "30"], "give --image-size"),
+        ([source, "--format", "x"], "--format x: there are npz, pose2sim"),
+        ([str(DEMO), "--fps", "30"], "--fps is for poses in the files of other programs, but "),
+    ):
+        assert main(["doctor", *arguments]) == 2
+        assert said in capsys.readouterr().err

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stcalib_ros.commands.film_arguments import add_film_arguments, bag_of, named_path
 from stcalib_ros.commands.jobs import count, processes
 from stcalib_ros.core.errors import CalibrationError, InputError
 
@@ -30,7 +31,11 @@ Find camera poses, clock offsets and identities from the people in a bag.
 The bag holds for every camera
   /<camera>/person_poses  stcalib_ros/msg/PersonPose3DArray
   /<camera>/camera_info   sensor_msgs/msg/CameraInfo
-or poses as yolo_ros, ZED, Azure Kinect or ROS4HRI publish them.
+or poses as yolo_ros, ZED, Azure Kinect or ROS4HRI publish them. Of films, one of each camera,
+
+  stcalib calibrate cam0.mp4 cam1.mp4 cam2.mp4 --output walk.yaml --intrinsics lenses.yaml
+
+the bag is made first, as `stcalib estimate` does it: walk.mcap, which further runs use.
 
 Poses in OUT.yaml are T_ref_cam: the camera in the frame of the reference camera. Offsets are what
 to add to the stamps of a camera: t_ref = t_cam + time_offset_s. With a rolling shutter, row v of an
@@ -59,7 +64,13 @@ YAML or XML, TOML of aniposelib, Pose2Sim and Caliscope, COLMAP cameras.txt; can
 
 def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = True) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("bag", type=Path, metavar="BAG", help=".mcap file or rosbag2 folder")
+    parser.add_argument(
+        "source",
+        nargs="+",
+        type=named_path,
+        metavar="BAG",
+        help=".mcap file or rosbag2 folder; or films, [CAM=]FILM of each camera, or their folder",
+    )
     parser.add_argument(
         *("-o", "--output"),
         type=Path,
@@ -88,8 +99,9 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         type=count,
         default=1,
         metavar="N",
-        help="processes that share the pairs of cameras; the result is the same (default: 1)",
+        help="processes that share films and pairs of cameras; the result is the same (default: 1)",
     )
+    add_film_arguments(parser.add_argument_group("films"))
     parser.add_argument("-q", "--quiet", action="store_true", help="print warnings and errors only")
 
 
@@ -144,6 +156,8 @@ def _add_shutter_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
     """Calibrate; returns what was recorded, and a result that can be trusted.
 
+    `args.bag` is the bag then, also where films were given.
+
     Raises
     ------
     InputError
@@ -160,6 +174,7 @@ def run(args: argparse.Namespace) -> tuple[Recording, Calibration]:
 
     _require_outputs(args)
     config = config_of(args)
+    args.bag = bag_of(args)
     progress = ProgressPrinter(None if args.quiet else sys.stderr)
     try:
         recording = read_bag(

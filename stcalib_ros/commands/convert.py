@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 from stcalib_ros.commands.bag_and_truth import add_output_arguments, require_outputs, write_outputs
+from stcalib_ros.commands.pose_file_arguments import (
+    ESTIMATOR_OPTIONS,
+    add_pose_file_arguments,
+    refuse_options,
+)
+from stcalib_ros.commands.pose_files import format_of, read_arrays, read_pose_files
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration
 from stcalib_ros.core.model.recording import Recording
-from stcalib_ros.io.convert import convert_arrays, has_truth, recording_of_arrays
+from stcalib_ros.io.convert import convert_arrays, has_truth
 from stcalib_ros.io.convert_options import ConvertOptions
 from stcalib_ros.io.datasets import DATASETS, DatasetOptions, read_dataset
-from stcalib_ros.io.formats import FORMATS, recognise
-from stcalib_ros.io.lens_files import lenses_of
-from stcalib_ros.io.npz_files import read_npz
-from stcalib_ros.io.sources import SOURCES, SourceOptions, part_of_source, read_source
-from stcalib_ros.io.sources.recording import recording_of_source
-from stcalib_ros.io.sources.tables import with_stamps
-from stcalib_ros.io.sources.videos import with_videos
+from stcalib_ros.io.sources import SOURCES
 
 MAX_SEED = 2**63
 """Largest seed of random numbers, as of a simulated scene."""
@@ -27,7 +26,6 @@ MAX_SEED = 2**63
 MAX_NOISE_PX = 1e4
 """Pixels. Noise that is larger leaves nothing of a pose, as of a simulated scene."""
 
-_SOURCE_OPTIONS = ("image_size", "intrinsics", "videos", "stamps")
 _POSES = "\n".join(f"  {name:<12} {source.what}" for name, source in SOURCES.items())
 
 DESCRIPTION = f"""\
@@ -57,13 +55,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.add_argument("source", type=Path, metavar="SOURCE", help="file or folder, see above")
     add_output_arguments(parser)
+    add_pose_file_arguments(parser)
     parser.add_argument(
-        "--format",
-        choices=FORMATS,
-        metavar="NAME",
-        help="what SOURCE is (default: found by its content)",
+        "--intrinsics",
+        type=Path,
+        metavar="FILE",
+        help="lenses: camera_info YAML, Kalibr, OpenCV, TOML, COLMAP, or a folder of them "
+        "(default: those in SOURCE, or none: calibrate with --intrinsics unknown)",
     )
-    _add_source_arguments(parser)
     _add_dataset_arguments(parser)
     parser.add_argument(
         "--offset",
@@ -73,10 +72,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CAM=S",
         help="add S seconds to the stamps of camera CAM, whose true time_offset_s is then S lower; "
         "no frames are cut; may be repeated",
-    )
-    parser.add_argument("--fps", type=float, metavar="HZ", help="frame rate (default: the file's)")
-    parser.add_argument(
-        "--layout", metavar="NAME", help="joint layout (default: found by the names of the joints)"
     )
 
 
@@ -89,7 +84,7 @@ def run(args: argparse.Namespace) -> None:
         The source or an argument is unusable.
     """
     require_outputs(args)
-    name = args.format or recognise(args.source)
+    name = format_of(args.source, args.format)
     recording, truth = _converted(name, args)
     if args.truth is not None and truth is None:
         raise InputError(f"--truth: {args.source} has no true poses of its cameras; leave it out")
@@ -98,43 +93,8 @@ def run(args: argparse.Namespace) -> None:
         print_source(name, recording, args.output)
 
 
-def _add_source_arguments(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("poses of an estimator")
-    group.add_argument(
-        "--image-size",
-        type=_image_size,
-        metavar="WxH",
-        help="size of the images, px, where SOURCE does not say",
-    )
-    group.add_argument(
-        "--intrinsics",
-        type=Path,
-        metavar="FILE",
-        help="lenses: camera_info YAML, Kalibr, OpenCV, TOML, COLMAP, or a folder of them "
-        "(default: those in SOURCE, or none: calibrate with --intrinsics unknown)",
-    )
-    group.add_argument(
-        "--videos",
-        type=Path,
-        metavar="DIR",
-        help="folder of the videos, CAMERA.mp4, which say frame rate and size",
-    )
-    group.add_argument(
-        "--stamps",
-        type=Path,
-        metavar="FILE.csv",
-        help="time of each image: columns camera, frame, stamp; or a folder of CAMERA.csv",
-    )
-
-
 def _add_dataset_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("data sets")
-    group.add_argument(
-        "--cameras", metavar="A,B,...", help="their names or numbers, in this order (default: all)"
-    )
-    group.add_argument(
-        "--frames", type=_frame_range, metavar="FIRST:LAST", help="frames by the data set's numbers"
-    )
     group.add_argument(
         "--poses", type=Path, metavar="DIR", help="poses of AlphaPose, and of MotionBERT"
     )
@@ -149,40 +109,18 @@ def _converted(name: str, args: argparse.Namespace) -> tuple[Recording, Calibrat
     if name in DATASETS:
         arrays = read_dataset(name, args.source, _dataset_options(args))
         return convert_arrays(args.source, arrays, options)
-    _refuse(args, name, ("poses", "sigma_px", "seed"), "data sets")
-    if name != "npz":
-        return _recording(name, args, options), None
-    _refuse(args, name, ("cameras", "frames", *_SOURCE_OPTIONS), "other formats")
-    arrays = read_npz(args.source)
-    if has_truth(arrays):
-        return convert_arrays(args.source, arrays, options)
-    return recording_of_arrays(args.source, arrays, options), None
-
-
-def _recording(name: str, args: argparse.Namespace, options: ConvertOptions) -> Recording:
-    wanted = args.cameras.split(",") if args.cameras else None
-    source = part_of_source(read_source(name, args.source), wanted, None)
-    if args.videos is not None:
-        source = replace(source, cameras=with_videos(source.cameras, args.videos))
-    if args.stamps is not None:
-        source = with_stamps(source, args.stamps)
-    names = [camera.name for camera in source.cameras]
-    lenses = {}
-    if args.intrinsics is not None:
-        lenses = lenses_of(args.intrinsics, names, image_size=args.image_size)
-    source = part_of_source(source, None, args.frames)
-    return recording_of_source(source, options, SourceOptions(args.image_size, lenses))
-
-
-def _refuse(args: argparse.Namespace, name: str, options: tuple[str, ...], of: str) -> None:
-    """Refuse options that say nothing about a format."""
-    if given := [option for option in options if getattr(args, option) is not None]:
-        flag = f"--{given[0].replace('_', '-')}"
-        raise InputError(f"{flag} is for {of}, but {args.source} is read as {name}")
+    why = f"is for data sets, but {args.source} is read as {name}"
+    refuse_options(args, ("poses", "sigma_px", "seed"), why)
+    if name == "npz":
+        arrays = read_arrays(args.source, args, args.intrinsics)
+        if has_truth(arrays):
+            return convert_arrays(args.source, arrays, options)
+    return read_pose_files(name, args.source, args, options, args.intrinsics), None
 
 
 def _dataset_options(args: argparse.Namespace) -> DatasetOptions:
-    _refuse(args, args.format or "a data set", _SOURCE_OPTIONS, "poses of an estimator")
+    why = f"is for poses of an estimator, but {args.source} is a data set"
+    refuse_options(args, ("intrinsics", *ESTIMATOR_OPTIONS), why)
     first, last = args.frames or (None, None)
     given = {
         "cameras": tuple(args.cameras.split(",")) if args.cameras else None,
@@ -221,20 +159,6 @@ def print_source(name: str, recording: Recording, output: Path) -> None:
     known = all(camera.intrinsics.known for camera in recording.cameras)
     unknown = "" if known else " --intrinsics unknown"
     print(f"Next: stcalib calibrate {output} --output {output.stem}.yaml{unknown}")
-
-
-def _image_size(text: str) -> tuple[int, int]:
-    width, _, height = text.lower().partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
-        raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT, as in 1920x1080, got {text!r}")
-    return int(width), int(height)
-
-
-def _frame_range(text: str) -> tuple[int, int]:
-    first, _, last = text.partition(":")
-    if not first.isdecimal() or not last.isdecimal() or int(last) < int(first):
-        raise argparse.ArgumentTypeError(f"expected FIRST:LAST, as in 300:599, got {text!r}")
-    return int(first), int(last)
 
 
 def _camera_offset(text: str) -> tuple[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from datetime import timedelta
 from typing import TextIO
 
 import numpy as np
@@ -51,12 +52,12 @@ class ProgressPrinter:
         self._live = stream is not None and stream.isatty()
         self._shown = ""
 
-    def __call__(self, stage: str, fraction: float) -> None:
-        """Show that `fraction` of `stage` is done."""
+    def __call__(self, stage: str, fraction: float, detail: str = "") -> None:
+        """Show that `fraction` of `stage` is done, with details on a terminal."""
         if self._live:
             done = round(_BAR * min(max(fraction, 0.0), 1.0))
             bar = "#" * done + "." * (_BAR - done)
-            self._replace(f"[{bar}] {stage}")
+            self._replace(f"[{bar}] {stage}{detail}")
         elif self._stream is not None and stage != self._shown:
             self._shown = stage
             print(stage, file=self._stream, flush=True)
@@ -76,6 +77,29 @@ class ProgressPrinter:
             self._stream.write(f"\r\x1b[K{line}")
             self._stream.flush()
             self._shown = line
+
+
+class FilmProgressPrinter(ProgressPrinter):
+    """Shows how many images of films are done, and the time left.
+
+    Parameters
+    ----------
+    stream : file object or None
+        As of `ProgressPrinter`.
+    n_films : int
+        Number of films.
+    """
+
+    def __init__(self, stream: TextIO | None, n_films: int) -> None:
+        super().__init__(stream)
+        self._n_films = n_films
+
+    def images(self, done: int, total: int, left_s: float) -> None:
+        """Show that some images of all are done, and how long the rest takes (NaN: unknown)."""
+        detail = f": {done} of {total} images"
+        if np.isfinite(left_s):
+            detail += f", {timedelta(seconds=round(left_s))} left"
+        self(f"people in {self._n_films} films", done / total, detail)
 
 
 def table(rows: Sequence[Sequence[str]]) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.yaml_files import read_yaml
 
+_METADATA = "metadata.yaml"
 _INFO = "rosbag2_bagfile_information"
 _SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 _MOST_NAMES = 5
@@ -63,11 +64,16 @@ def bag_files(path: Path, *, warn: Callable[[str], None] | None = None) -> tuple
     return tuple(f for f in files if f not in empty)
 
 
+def is_bag_folder(path: Path) -> bool:
+    """Whether there are files of a bag in a folder, or its metadata."""
+    return (path / _METADATA).exists() or any(p.name.endswith(_SUFFIXES) for p in path.iterdir())
+
+
 def _listed_files(
     folder: Path, there: Sequence[Path], warn: Callable[[str], None]
 ) -> Sequence[Path]:
     """Files that the metadata lists, if all are there; else those that are there."""
-    metadata = folder / "metadata.yaml"
+    metadata = folder / _METADATA
     if not metadata.exists():
         return there
     try:

@@ -14,6 +14,7 @@ from stcalib_ros import __version__
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.recording import CameraRecording, Intrinsics, Recording, Track
+from stcalib_ros.io.bag_origin import ORIGIN
 from stcalib_ros.io.cdr import CdrWriter
 from stcalib_ros.io.files import atomic_path, require_writable
 from stcalib_ros.io.message_types import CAMERA_INFO, PERSON_POSES, TYPES
@@ -46,7 +47,9 @@ class _Message(NamedTuple):
     data: bytes
 
 
-def write_bag(recording: Recording, path: Path | str) -> None:
+def write_bag(
+    recording: Recording, path: Path | str, *, origin: Mapping[str, str] | None = None
+) -> None:
     """Write person poses and CameraInfo of every camera as a bag.
 
     Parameters
@@ -56,6 +59,8 @@ def write_bag(recording: Recording, path: Path | str) -> None:
     path : Path or str
         Ends in ``.mcap``: one file, an existing one is replaced. Else a rosbag2 folder with
         ``metadata.yaml``, which must not exist yet.
+    origin : mapping of str to str, optional
+        What the bag was made from, for `stcalib_ros.io.bag_origin.read_origin`.
 
     Raises
     ------
@@ -71,13 +76,13 @@ def write_bag(recording: Recording, path: Path | str) -> None:
     path = Path(path)
     if not _is_folder_name(path):
         with atomic_path(path) as temporary:
-            _write_file(_topics(recording), _messages(recording), temporary)
+            _write_file(_topics(recording), _messages(recording), temporary, origin)
         return
     require_bag_writable(path)
     topics, messages, name = _topics(recording), _messages(recording), f"{path.name}_0.mcap"
     with atomic_path(path) as temporary:
         temporary.mkdir()
-        _write_file(topics, messages, temporary / name)
+        _write_file(topics, messages, temporary / name, origin)
         metadata = _metadata(topics, messages, name)
         (temporary / "metadata.yaml").write_text(metadata, encoding="utf-8")
 
@@ -106,7 +111,12 @@ def _is_folder_name(path: Path) -> bool:
     return path.suffix != ".mcap"
 
 
-def _write_file(topics: Mapping[str, str], messages: Sequence[_Message], path: Path) -> None:
+def _write_file(
+    topics: Mapping[str, str],
+    messages: Sequence[_Message],
+    path: Path,
+    origin: Mapping[str, str] | None,
+) -> None:
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.ZSTD)
         writer.start(profile="ros2", library=f"stcalib_ros {__version__}")
@@ -119,6 +129,8 @@ def _write_file(topics: Mapping[str, str], messages: Sequence[_Message], path: P
             topic: writer.register_channel(topic, "cdr", schemas[kind], metadata)
             for topic, kind in topics.items()
         }
+        if origin is not None:
+            writer.add_metadata(ORIGIN, dict(origin))
         for sequence, message in enumerate(messages):
             writer.add_message(
                 channel_id=channels[message.topic],

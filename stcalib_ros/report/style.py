@@ -22,6 +22,9 @@ PALETTE = (
 PEOPLE = ("#22262B", "#6B4F3A", "#4E6070", "#5E4B66", "#4C5B3C")
 """One muted colour per person."""
 
+FIGURES = ("#F5C400", "#56C1FF", "#FF7A59", "#7CE577", "#E58CF0", "#FFFFFF")
+"""One bright colour per person, for images of cameras."""
+
 DPI = 160
 
 INK = "#22262B"

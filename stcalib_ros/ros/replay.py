@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from stcalib_ros.cli import EPILOG, run_command
 from stcalib_ros.commands import calibrate
+from stcalib_ros.commands.film_arguments import bag_of
 from stcalib_ros.ros.limits import WAIT_S
 
 if TYPE_CHECKING:
@@ -96,7 +97,10 @@ def _replay(argv: Sequence[str]) -> None:
 
     args = _parsed(argv)
     args.decoder = decode
-    calibrated = calibrate.run(args) if args.output is not None else None
+    if args.output is None:
+        args.bag, calibrated = bag_of(args), None
+    else:
+        calibrated = calibrate.run(args)
     if args.publish or args.play is not None:
         _serve(args, calibrated)
 

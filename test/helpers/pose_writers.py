@@ -10,10 +10,14 @@ import cv2
 import numpy as np
 from pose_files import Seen, scene, seen_by
 
+from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
+
 N = 8
-"""Images of each camera that are written."""
+"""Images of each camera that are written, if nothing else is said."""
 
 FIRST_S = 47389.9
+LATE_S = 0.001
+"""By how much the clock of each of Caliscope's cameras is ahead of that of the one before."""
 FREEMOCAP_ARRAY = "mediapipe_2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy"
 
 
@@ -38,7 +42,7 @@ def openpose(folder: Path, n_images: int, layout: str = "body_25") -> Path:
     return folder
 
 
-def coco_results(c: int, layout: str, **extra: Any) -> list[dict[str, Any]]:
+def coco_results(c: int, layout: str, n: int = N, **extra: Any) -> list[dict[str, Any]]:
     """As detectors write: only images with people; numbers begin with 0."""
     return [
         {
@@ -48,27 +52,27 @@ def coco_results(c: int, layout: str, **extra: Any) -> list[dict[str, Any]]:
             "score": 2.5,
             **{key: value(one.track) for key, value in extra.items()},
         }
-        for k, people in enumerate(seen_by(scene().cameras[c], layout, N))
+        for k, people in enumerate(seen_by(scene().cameras[c], layout, n))
         for one in people
     ]
 
 
-def alphapose(root: Path, *, tracked: bool) -> Path:
+def alphapose(root: Path, n: int = N, *, tracked: bool) -> Path:
     extra = {"box": lambda _: [0, 0, 1, 1]} | ({"idx": lambda i: [i]} if tracked else {})
     for c, camera in enumerate(scene().cameras):
         folder = root / camera.name
         folder.mkdir(parents=True)
-        content = json.dumps(coco_results(c, "halpe_26", **extra))
+        content = json.dumps(coco_results(c, "halpe_26", n, **extra))
         (folder / "alphapose-results.json").write_text(content)
         (folder / "notes.json").write_text("{}")
     return root
 
 
-def coco_annotations(path: Path) -> Path:
+def coco_annotations(path: Path, n: int = N) -> Path:
     """Of all cameras in a file; the size of images is known."""
     images, people_in = [], []
     for camera in scene().cameras:
-        for k, people in enumerate(seen_by(camera, "coco_17", N)):
+        for k, people in enumerate(seen_by(camera, "coco_17", n)):
             image = {"id": len(images), "file_name": f"{camera.name}/{k:06d}.jpg"}
             images.append(image | {"width": 1920, "height": 1080})
             people_in += [
@@ -91,25 +95,25 @@ def mmpose_instance(one: Seen) -> dict[str, Any]:
     }
 
 
-def mmpose_videos(root: Path, *, described: bool) -> Path:
+def mmpose_videos(root: Path, n: int = N, *, described: bool) -> Path:
     """A file for each camera, with a description of the data set, as demos write, or without."""
     root.mkdir()
     for camera in scene().cameras:
         frames: Any = [
             {"frame_id": k, "instances": [mmpose_instance(one) for one in people]}
-            for k, people in enumerate(seen_by(camera, "coco_17", N))
+            for k, people in enumerate(seen_by(camera, "coco_17", n))
         ]
         content = {"meta_info": {"name": "coco"}, "instance_info": frames} if described else frames
         (root / f"results_{camera.name}.json").write_text(json.dumps(content))
     return root
 
 
-def ultralytics(root: Path, more: str) -> Path:
+def ultralytics(root: Path, more: str, n: int = N) -> Path:
     """Numbers have six digits, images begin with 1; that without people has no file."""
     for camera in scene().cameras:
         folder = root / camera.name / "labels"
         folder.mkdir(parents=True)
-        for k, people in enumerate(seen_by(camera, "coco_17", N)):
+        for k, people in enumerate(seen_by(camera, "coco_17", n)):
             lines = []
             for one in people:
                 points = one.points / (1920, 1080, 1)
@@ -121,36 +125,36 @@ def ultralytics(root: Path, more: str) -> Path:
     return root
 
 
-def first_person(c: int) -> list[list[Seen]]:
-    images = seen_by(scene().cameras[c], "blazepose_33", N)
+def first_person(c: int, n: int = N) -> list[list[Seen]]:
+    images = seen_by(scene().cameras[c], "blazepose_33", n)
     return [[] if k == 2 else [Seen(0, people[0].points)] for k, people in enumerate(images)]
 
 
-def landmarks(c: int) -> np.ndarray:
+def landmarks(c: int, n: int = N) -> np.ndarray:
     """Arrays (F, 33, 4) of x, y, z and visibility, 0 to 1 across the image."""
-    out = np.full((N, 33, 4), np.nan)
-    for k, people in enumerate(first_person(c)):
+    out = np.full((n, 33, 4), np.nan)
+    for k, people in enumerate(first_person(c, n)):
         for one in people:
             out[k, :, :2] = one.points[:, :2] / (1920, 1080)
             out[k, :, 2:] = np.c_[np.zeros(33), one.points[:, 2]]
     return out
 
 
-def mediapipe_arrays(root: Path, **more: Any) -> Path:
+def mediapipe_arrays(root: Path, n: int = N, **more: Any) -> Path:
     root.mkdir()
     for c in range(3):
-        np.savez(root / f"cam{c}.npz", landmarks=landmarks(c), **more)
+        np.savez(root / f"cam{c}.npz", landmarks=landmarks(c, n), **more)
     return root
 
 
-def pose2sim(root: Path, *, names: list[str], rate: str) -> Path:
+def pose2sim(root: Path, n: int = N, *, names: list[str], rate: str) -> Path:
     """A trial in a batch, whose calibration is in the folder above; cameras are cam01 and so on."""
     trial = root / "Trial_1"
     lenses = []
     for k, camera in enumerate(scene().cameras):
         folder = trial / "pose" / f"cam{k + 1:02d}_json"
         folder.mkdir(parents=True)
-        for f, people in enumerate(seen_by(camera, "halpe_26", N)):
+        for f, people in enumerate(seen_by(camera, "halpe_26", n)):
             found = [
                 {"person_id": [-1], "pose_keypoints_2d": one.points.ravel().tolist()}
                 for one in people
@@ -180,7 +184,7 @@ def write_video(path: Path, size: tuple[int, int], fps: float) -> None:
     video.release()
 
 
-def caliscope(root: Path, *, old: bool = False) -> Path:
+def caliscope(root: Path, n: int = N, *, old: bool = False) -> Path:
     """Times are those of a counter; nobody is in the last image of any camera."""
     recording = root / "recordings" / "walk"
     tracker = recording / ("HOLISTIC" if old else "RTMPOSE_M_HALPE26")
@@ -192,11 +196,11 @@ def caliscope(root: Path, *, old: bool = False) -> Path:
     )
     rows, times, lenses = [], [], []
     for c, camera in enumerate(scene().cameras):
-        images = seen_by(camera, "blazepose_33" if old else "halpe_26", N)
+        images = seen_by(camera, "blazepose_33" if old else "halpe_26", n)
         for k, people in enumerate(images):
-            stamp = FIRST_S + 0.001 * c + k / 30
+            stamp = FIRST_S + LATE_S * c + k / 30
             times.append(f"{k},{c},{stamp}")
-            for one in (people[:1] if old else people) if k < N - 1 else []:
+            for one in (people[:1] if old else people) if k < n - 1 else []:
                 for joint in np.flatnonzero(one.points.any(-1)):
                     person = "" if old else f"{one.track},"
                     x, y = one.points[joint, :2]
@@ -219,12 +223,12 @@ def caliscope(root: Path, *, old: bool = False) -> Path:
     return root
 
 
-def easymocap_2d(root: Path, *, lenses: bool) -> Path:
+def easymocap_2d(root: Path, n: int = N, *, lenses: bool) -> Path:
     """Cameras are called 1, 2 and 3; a box without keypoints is nobody."""
     for c, camera in enumerate(scene().cameras):
         folder = root / "annots" / f"{c + 1}"
         folder.mkdir(parents=True)
-        for k, people in enumerate(seen_by(camera, "body_25", N)):
+        for k, people in enumerate(seen_by(camera, "body_25", n)):
             annots = [
                 {"personID": one.track, "bbox": [0, 0, 9, 9, 1], "keypoints": one.points.tolist()}
                 for one in people
@@ -241,11 +245,11 @@ def easymocap_2d(root: Path, *, lenses: bool) -> Path:
     return root
 
 
-def freemocap(root: Path, n_lenses: int = 3) -> Path:
+def freemocap(root: Path, n: int = N, *, n_lenses: int = 3) -> Path:
     """Points of a body and of a hand; nobody in the third image."""
-    xy = np.full((3, N, 54, 2), np.nan)
+    xy = np.full((3, n, 54, 2), np.nan)
     for c, camera in enumerate(scene().cameras):
-        for k, people in enumerate(seen_by(camera, "blazepose_33", N)):
+        for k, people in enumerate(seen_by(camera, "blazepose_33", n)):
             points = people[0].points
             xy[c, k, :33] = np.where(points.any(-1, keepdims=True), points[:, :2], np.nan)
     xy[:, 2] = np.nan
@@ -260,3 +264,30 @@ def freemocap(root: Path, n_lenses: int = 3) -> Path:
     ]
     (root / "walk_camera_calibration.toml").write_text("\n".join([*lenses, "[metadata]\n"]))
     return root
+
+
+def multi_view_npz(path: Path, n: int = N) -> Path:
+    """Arrays of docs/bag.md without a truth, with lenses and the ids of a tracker."""
+    cameras = scene().cameras
+    rows = [
+        (k, c, one.track, one.points)
+        for c, camera in enumerate(cameras)
+        for k, people in enumerate(seen_by(camera, "coco_17", n))
+        for one in people
+    ]
+    frames, numbers, tracks, points = zip(*rows, strict=True)
+    np.savez(
+        path,
+        camera_names=[camera.name for camera in cameras],
+        image_size=[(1920, 1080)] * len(cameras),
+        K=[camera.intrinsics.K for camera in cameras],
+        dist=np.zeros((len(cameras), 5)),
+        fps=30.0,
+        frame_number=np.arange(n),
+        det_frame=frames,
+        det_camera=numbers,
+        det_track=tracks,
+        det_kp2d=points,
+        kp_names=LAYOUTS["coco_17"].joint_names,
+    )
+    return path

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.capture.reprojection import reference_times
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration
-from stcalib_ros.core.model.clocks import clock_correction
 from stcalib_ros.core.model.recording import Recording
 
 SAME_RATE = 0.01
@@ -65,7 +65,7 @@ def video_cuts(recording: Recording, calibration: Calibration) -> tuple[VideoCut
     InputError
         Fewer than two cameras are in both, or they have no common time.
     """
-    times_s = _on_reference_clock(recording, calibration)
+    times_s = reference_times(recording, calibration)
     if len(times_s) < 2:
         recorded = ", ".join(camera.name for camera in recording.cameras)
         known = ", ".join(camera.name for camera in calibration.cameras)
@@ -88,19 +88,6 @@ def video_cuts(recording: Recording, calibration: Calibration) -> tuple[VideoCut
     return tuple(
         _cut(name, stamps[name], times, ends_s, reference_hz) for name, times in times_s.items()
     )
-
-
-def _on_reference_clock(recording: Recording, calibration: Calibration) -> dict[str, Float64Array]:
-    """Return the times of the images of the calibrated cameras by the reference clock."""
-    since_epoch_s = recording.epoch_ns * 1e-9 - calibration.epoch_s
-    known = {camera.name: camera for camera in calibration.cameras}
-    times = {}
-    for camera in recording.cameras:
-        if (own := known.get(camera.name)) is not None and len(camera.stamps) > 1:
-            times[camera.name] = camera.stamps + clock_correction(
-                own.time_offset_s, own.clock_skew, camera.stamps + since_epoch_s
-            )
-    return times
 
 
 def _cut(

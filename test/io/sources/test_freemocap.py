@@ -22,7 +22,9 @@ def test_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_lenses_of_fewer_cameras_are_not_used(tmp_path: Path) -> None:
-    read = convert(freemocap(tmp_path / "r", 2), "--fps", "30", "--image-size", "1920x1080")
+    read = convert(
+        freemocap(tmp_path / "r", n_lenses=2), "--fps", "30", "--image-size", "1920x1080"
+    )
     assert not any(camera.intrinsics.known for camera in read.cameras)
 
 

@@ -1,0 +1,1 @@
+"""Poses from pictures: following persons, and the node that estimates them live."""

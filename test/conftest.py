@@ -1,0 +1,20 @@
+"""How tests are shared out to processes: `make test` runs two."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+ON_THE_NETWORK = ("ros", "packaging")
+"""Folders whose tests are one group: nodes of two tests would meet, and builds share a folder."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep a file's tests in one process, for what they share is then made once."""
+    for item in items:
+        place = item.path.relative_to(HERE)
+        group = "ros" if place.parts[0] in ON_THE_NETWORK else str(place)
+        item.add_marker(pytest.mark.xdist_group(group))
