@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stcalib_ros.core.bundle.covariance import largest_stddev
 from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
@@ -203,8 +204,9 @@ def _distances(content: ReportContent) -> dict[str, float]:
 
 
 def _stddevs(camera: CameraCalibration) -> tuple[float, float]:
-    variances = np.maximum(np.diag(camera.covariance), 0.0)
-    return float(np.sqrt(variances[:3].sum())), float(np.sqrt(variances[3:].sum()))
+    """Standard deviations of position and rotation, each in its least certain direction."""
+    covariance = camera.covariance
+    return largest_stddev(covariance[:3, :3]), largest_stddev(covariance[3:, 3:])
 
 
 def _level(
