@@ -68,6 +68,17 @@ _REFUSED = {
 }
 
 
+_DISAGREES = (
+    "A camera was moved or its clock was set since the calibration, or the recording is of other "
+    "cameras: calibrate again."
+)
+
+
+def disagreeing(fits: Sequence[KeypointFit]) -> tuple[str, ...]:
+    """Return the cameras of which fewer keypoints fit than a calibration accepts."""
+    return tuple(fit.name for fit in fits if fit.share < DEFAULT.min_inlier_fraction)
+
+
 def grade(
     content: ReportContent, fits: Sequence[KeypointFit], clocks: Sequence[CameraClock]
 ) -> Grade:
@@ -90,6 +101,8 @@ def grade(
     found += [_offsets(clocks), _persons(c)]
     findings = tuple(one for one in found if one is not None)
     weak = sum(not one.good for one in findings)
+    if content.from_result and (off := disagreeing(fits)):
+        return Grade(_disagreement(fits, off), _DISAGREES, False, findings)
     if weak == 0:
         meaning = "Everything that was checked is as it should be."
         return Grade(
@@ -98,6 +111,13 @@ def grade(
     points = "One point is" if weak == 1 else f"{weak} points are"
     meaning = f"The calibration can be used. {points} worth a look, marked with ! below."
     return Grade("Calibrated, with remarks", meaning, True, findings)
+
+
+def _disagreement(fits: Sequence[KeypointFit], off: Sequence[str]) -> str:
+    if len(fits) - len(off) < 2:
+        return "This recording does not agree with the result"
+    verb = "does" if len(off) == 1 else "do"
+    return f"{', '.join(off)} {verb} not agree with the result"
 
 
 def _complete(c: Calibration) -> Checked | None:
