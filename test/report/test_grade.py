@@ -10,6 +10,7 @@ import pytest
 
 from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.calibration import Status
+from stcalib_ros.core.model.rejection import RemarkCode
 from stcalib_ros.core.options import Options
 from stcalib_ros.report.clocks import CameraClock, camera_clocks
 from stcalib_ros.report.content import ReportContent, content_of_result
@@ -70,14 +71,23 @@ def test_one_camera_that_is_worse_is_named(
     assert "50% fit" in text
 
 
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"rotation_stddev_deg": 0.6},
+        {"position_stddev_percent": 6.0},
+        {"offset_stddev_ms": 20.0},
+    ],
+)
 def test_an_uncertain_camera_is_named(
-    report_content: ReportContent, fits: Sequence[KeypointFit]
+    report_content: ReportContent, fits: Sequence[KeypointFit], values: dict[str, float]
 ) -> None:
-    *others, last = report_content.calibration.cameras
-    loose = dataclasses.replace(last, covariance=last.covariance + 1e-4 * np.eye(6))
-    content = with_changes(report_content, cameras=(*others, loose))
+    least, *others = report_content.calibration.remarks
+    assert least.code is RemarkCode.LEAST_CONSTRAINED_CAMERA
+    loose = dataclasses.replace(least, values=least.values | values)
+    content = with_changes(report_content, remarks=(loose, *others))
     (text,) = weak(grade(content, fits, ()))
-    assert text.startswith("The least certain camera is cam2")
+    assert text.startswith("The least certain camera is cam")
     assert "near the limit" in text
 
 
