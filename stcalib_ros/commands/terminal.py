@@ -10,6 +10,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from stcalib_ros.core.bundle.covariance import largest_stddev
 from stcalib_ros.core.errors import one_line
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.model.arrays import Float64Array
@@ -213,7 +214,7 @@ def _directions(calibration: Calibration) -> str:
         f"Poses are T_ref_cam: where a camera is and looks in {frame_text(calibration)}, "
         f"in {scale_text(calibration)}.\n"
         f"Add a camera's offset to its stamps to have the clock of {calibration.reference}: "
-        "t_ref = t_cam + offset. +- is one standard deviation."
+        "t_ref = t_cam + offset. +- is one standard deviation, in the least certain direction."
     )
 
 
@@ -227,10 +228,9 @@ def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
     position = _triple(camera.t_ref_cam, 3)
     looks_along = _triple(camera.R_ref_cam[:, 2], 2)
     turned = f"{float(np.degrees(rotation_angle(camera.R_ref_cam))):.1f} deg"
-    variances = np.maximum(np.diag(camera.covariance), 0.0)
-    if variances.any() or camera.name != reference:
-        position += plus_minus(float(np.sqrt(variances[:3].sum())), 3)
-        turned += plus_minus(float(np.degrees(np.sqrt(variances[3:].sum()))), 2)
+    if camera.covariance.any() or camera.name != reference:
+        position += plus_minus(largest_stddev(camera.covariance[:3, :3]), 3)
+        turned += plus_minus(float(np.degrees(largest_stddev(camera.covariance[3:, 3:]))), 2)
     return (camera.name, position, looks_along, turned, clock_text(camera, reference))
 
 
