@@ -148,6 +148,11 @@ MAX_MISSED_WIDTH = 0.05
 (median) from where somebody in 3D projects to are not that person. Chosen: above the errors of a
 camera that has moved a little, whose residuals are to be seen."""
 
+HOLD_S = 0.5
+"""Seconds. So long before and after the part of a look in which a person is triangulated they stay
+where they were: the filters at its ends leave out some samples, and the next look has them. Chosen:
+`SIGHT_EVERY_S`, by which the next look is there."""
+
 GONE_S = 1.0
 """Seconds. Lifetime of what moves: it disappears that long after the last message. Chosen: ten
 periods of `SHOWN_HZ`."""

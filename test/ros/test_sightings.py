@@ -102,6 +102,9 @@ def test_joints_are_between_their_samples_and_unknown_beyond(sightings):
     assert np.isfinite(person.at(10.0)[3]).all()
     assert np.isnan(person.at(11.01)).all()
     assert np.isnan(person.at(9.99)).all()
+    assert np.allclose(person.shown_at(11.2)[0], 1.0), "held for a moment"
+    assert np.allclose(person.shown_at(9.8)[0], 0.0)
+    assert np.isnan(person.shown_at(11.6)).all()
 
 
 class Played:
