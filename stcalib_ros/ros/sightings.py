@@ -180,7 +180,8 @@ def _captured(
         found = capture_people(recording, calibration, options).people
     except InputError:  # nobody is there, or in one camera alone; the diagnostics say the rest
         return []
-    epoch_s, people = recording.epoch_ns / NS, []
+    epoch_s = recording.epoch_ns / NS
+    people: list[SeenPerson] = []
     for person in found:
         known = np.flatnonzero(np.isfinite(person.joints_ref).all(-1).any(-1))
         if len(known):
