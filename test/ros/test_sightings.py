@@ -142,7 +142,7 @@ def test_time_passes_as_it_does_within_what_was_seen(scene, windows):
     assert played.lookout.time_to_show_s() == pytest.approx(sight.end_s)
     assert played.lookout.time_to_show_s() is None, "nothing is new"
     assert played.look(2.6) is sight, "too little is new for another look"
-    assert played.look(3.5).end_s > sight.end_s
+    assert played.look(3.8).end_s > sight.end_s
     assert played.lines == []
 
 
