@@ -19,14 +19,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from stcalib_ros.estimation.registry import load_estimator
-from stcalib_ros.io.films import film_images, open_film
 
 from benchmarks.film.compare import JOINT_NAMES, Comparison, compare, total
 from benchmarks.film.references import OpenPoseReference, Reference, TrueReference
 from stcalib_ros.core.errors import InputError, StcalibError
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.estimation.poses import ImagePoses, PoseEstimator
+from stcalib_ros.estimation.registry import load_estimator
+from stcalib_ros.io.films import film_images, open_film
 
 _LEAST = 0.2
 """Score below which a joint is not there: what a calibration leaves out by default as well."""
