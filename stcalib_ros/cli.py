@@ -29,22 +29,22 @@ _OF_BAGS = ("mcap", "lz4", "zstandard")
 
 _COMMANDS = {
     "calibrate": "calibrate the cameras of a bag",
-    "clocks": "say how to cut videos so that they are synchronous",
+    "clocks": "print how to trim videos so that they are synchronous",
     "draw": "draw the people of a result into films",
-    "doctor": "say what is in a bag, and whether it will calibrate",
-    "estimate": "make a bag from films, by a pose estimator",
-    "evaluate": "compare a result with the truth",
+    "doctor": "show what is in a bag, and predict whether it will calibrate",
+    "estimate": "make a bag from films, with a pose estimator",
+    "evaluate": "compare a result with the true values",
     "report": "write the report of a result, for the browser",
-    "people": "write the people of a bag in 3D, by a result",
-    "simulate": "make a bag with a known answer",
-    "convert": "make a bag from poses in the files of other programs",
+    "people": "write how people in a bag move in 3D",
+    "simulate": "make a simulated bag, with the true values",
+    "convert": "make a bag from pose files of other programs",
     "export": "write a result in the format of another program",
-    "models": "list the estimators of poses in images, or fetch their weights",
-    "completion": "print what makes a shell complete commands and options",
+    "models": "list pose estimators, or fetch their weights",
+    "completion": "print a script for shell completion",
 }
 
 _DESCRIPTION = """\
-Calibrate cameras from people walking: camera poses, time offsets and who is who.
+Calibrate cameras from people walking: where cameras are, how clocks differ, who is who.
 Needs no ROS; within ROS, `ros2 run stcalib_ros replay` does the same as `stcalib calibrate`.
 """
 
@@ -52,7 +52,7 @@ EPILOG = """\
 exit status:
   0    done, and the files are there
   2    unusable arguments or files
-  3    this data gives no trustworthy calibration
+  3    no trustworthy calibration from this data
   130  interrupted (Ctrl-C); nothing half done is left behind
 """
 

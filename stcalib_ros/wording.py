@@ -23,10 +23,12 @@ def count(n: int, noun: str) -> str:
 
     Examples
     --------
-    >>> count(1, "person"), count(2, "person")
-    ('1 person', '2 persons')
+    >>> count(1, "camera"), count(2, "camera"), count(2, "person")
+    ('1 camera', '2 cameras', '2 people')
     """
-    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+    if n == 1:
+        return f"1 {noun}"
+    return f"{n} people" if noun == "person" else f"{n} {noun}s"
 
 
 def plus_minus(stddev: float, digits: int, sign: str = PLUS_MINUS) -> str:

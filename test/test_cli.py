@@ -128,7 +128,7 @@ def test_calibrate(
     assert [p.name for p in tmp_path.iterdir()] == ["out.yaml"]
     out, err = capsys.readouterr()
     assert err.splitlines() == ["reading the bag", "lifting", "solving"]
-    assert "4 of 5 cameras calibrated on 3 persons" in out
+    assert "4 of 5 cameras calibrated from 3 people" in out
     assert "-317.00 ms +- 0.00" in out
     assert "\nA recording twice as long would reduce these uncertainties by about 30 %.\n" in out
     assert "NOT calibrated: cam05: saw nobody" in out

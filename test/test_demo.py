@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 import subprocess
 import sys
 import time
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from stcalib_ros import demo
+from stcalib_ros.commands.terminal import WIDTH
 from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.stages import Stages
@@ -57,6 +59,21 @@ def test_it_writes_what_it_says(shown: tuple[str, Path]) -> None:
     assert "Calibrated" in (folder / "demo.html").read_text()
 
 
+def test_everybody_is_there_once_and_is_said_to_be_what_they_are(shown: tuple[str, Path]) -> None:
+    text, folder = shown
+    said = re.findall(r"^Person \d+ is (.*)\.$", text, re.MULTILINE)
+    assert sorted(said) == ["the bystander", "the man", "the woman, who is computer-generated"]
+    assert len(read_result(folder / "demo.yaml").persons) == 3
+    assert "calibrated from 3 people" in text
+
+
+def test_it_fits_into_a_terminal_and_ends_with_how_to_look_at_it(shown: tuple[str, Path]) -> None:
+    text, folder = shown
+    paths = str(folder)
+    assert max(len(line.replace(paths, "out")) for line in text.splitlines()) <= WIDTH
+    assert text.splitlines()[-1].endswith(f"open {folder / 'demo.html'}")
+
+
 def test_it_is_honest_about_the_truth(shown: tuple[str, Path]) -> None:
     assert "only good to 2-3 degrees" in shown[0]
 
@@ -73,8 +90,9 @@ def test_missed_promises_are_said() -> None:
     wrong = estimate(cameras=tuple(cameras), persons=swapped)
     text = demo.errors_text(evaluate(wrong, truth, fps=60.0), wrong, truth)
     missed = [line.split("  ")[0] for line in text.splitlines() if line.endswith("MISSED")]
-    assert missed == ["clock offsets, largest", "persons right in all four cameras"]
-    assert demo.persons_right(wrong, truth) == (1, 2)
+    assert missed == ["clock offset, largest", "people recognised in all cameras"]
+    assert demo.persons_right(wrong, truth) == (1, 3)
+    assert demo.people_text(wrong, truth).splitlines()[1] == "Person 1 mixes up several people."
 
 
 def test_a_refused_calibration_is_no_demo(

@@ -95,7 +95,7 @@ def test_a_camera_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main([*arguments, "-q"]) == 2
     error = capsys.readouterr().err
     assert error.startswith(
-        "stcalib: intrinsics of camera cam9: no person poses of it; the bag has"
+        "stcalib: intrinsics of camera cam9: there are no person poses of this camera; the bag has"
     )
     assert len(error.splitlines()) == 1
 

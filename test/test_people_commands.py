@@ -66,7 +66,7 @@ def test_people_for_opensim(walk: Path, scene: Scene, capsys: pytest.CaptureFixt
     out = capsys.readouterr().out
     assert "People are in people_P0.trc, people_P1.trc" in out
     assert "Keypoints that agree with the others: cam0 " in out
-    assert "y is up as far as cam0 is level" in out
+    assert "y is up only if cam0 is level" in out
     assert "size of an adult" not in out
     for path in (walk / "people_P0.trc", walk / "people_P1.trc"):
         (rate, unit), markers, times, joints = read_trc(path)
@@ -96,7 +96,7 @@ def test_a_vertical_and_a_unit_that_are_known_are_kept(
     assert main(["people", "upright.yaml", "walk.mcap", "--output", "upright.trc"]) == 0
     out = capsys.readouterr().out
     assert "is level" not in out
-    assert "Metres are by the size of an adult" in out
+    assert "metres are estimated from the size of people" in out
     _, markers, _, optical = read_trc(walk / "optical_P0.trc")
     _, _, _, world = read_trc(walk / "upright_P0.trc")
     scale = limb_m(markers, optical) / limb_m(markers, world)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # What computes is imported by the functions that need it, for `--help` to be quick.
 
 DESCRIPTION = """\
-Find camera poses, clock offsets and identities from the people in a bag.
+Find where cameras are, how their clocks differ and who is who, from the people in a bag.
 
   stcalib calibrate walk.mcap --output walk.yaml
 
@@ -38,29 +38,29 @@ or poses as yolo_ros, ZED, Azure Kinect or ROS4HRI publish them. Of films, one o
 
 the bag is made first, as `stcalib estimate` does it: walk.mcap, which further runs use.
 
-Poses in OUT.yaml are T_ref_cam: the camera in the frame of the reference camera. Offsets are what
-to add to the stamps of a camera: t_ref = t_cam + time_offset_s. With a rolling shutter, row v of an
-image is seen at stamp + line_time_s * v. If the result cannot be trusted,
-OUT.yaml is not touched; what was found is then kept as OUT.rejected.yaml, to be looked at.
+Poses in OUT.yaml are T_ref_cam: the camera in the frame of the reference camera. Add the offset of
+a camera to its timestamps to have the reference clock: t_ref = t_cam + time_offset_s. With a
+rolling shutter, row v of an image is taken at stamp + line_time_s * v. If the result cannot be
+trusted, OUT.yaml is not written; what was found is in OUT.rejected.yaml, only to be looked at.
 """
 
 _CONFIG_HELP = """\
-YAML file with options by name (offset_range_s: 1.0), which cameras in which order
+YAML file with options by name (offset_range_s: 1.0), cameras in their order
 (cameras: [cam0, cam1]), topics and frames that differ from the above
 (camera: {cam0: {pose_topic: /a, info_topic: /b, frame: c, line_time_s: 15.0e-6}}), and lenses
 (camera: {cam0: {intrinsics: refine, lens_group: gopro, field_of_view_deg: 90}})"""
 
 _ALIGN_HELP = """\
-what is added to stamps before clocks are searched, where they differ by more than --offset-range
-(UTC and time since boot): starts (all cameras began at once), stamps (nothing), or seconds, of all
-cameras but the reference or CAM=S,...; default: a guess where stamps do not overlap, which the
-result names. Offsets contain it"""
+for clocks that differ by more than --offset-range, such as UTC and the time since boot: what to
+add to timestamps first. starts: as if all cameras had started together; stamps: nothing; S:
+seconds, for all cameras but the reference; CAM=S,...: seconds for these cameras. Default: nothing,
+or a guess if cameras do not overlap in time, which the result states. Time offsets include it"""
 
 _INTRINSICS_HELP = """\
-what the intrinsics in CameraInfo are worth: given (default), refine (a guess, estimated from there
-on) or unknown (estimated; only the size of the image is used); with CAM=, of one camera; or a file
-or folder with lenses, which take the place of CameraInfo: camera_info YAML, Kalibr camchain, OpenCV
-YAML or XML, TOML of aniposelib, Pose2Sim and Caliscope, COLMAP cameras.txt; can be repeated"""
+how far to trust the intrinsics in CameraInfo: given (they are right, the default), refine (start
+from them) or unknown (use the image size only); with CAM=, for one camera. Or a file or folder with
+lenses to use instead of CameraInfo: camera_info YAML, Kalibr camchain, OpenCV YAML or XML, TOML of
+aniposelib, Pose2Sim and Caliscope, COLMAP cameras.txt. May be repeated"""
 
 
 def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = True) -> None:
@@ -86,7 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = Tr
         type=count,
         default=1,
         metavar="N",
-        help="processes that share films and pairs of cameras; the result is the same (default: 1)",
+        help="number of processes for films and camera pairs; same result (default: 1)",
     )
     add_film_arguments(parser.add_argument_group("films"))
 
@@ -108,7 +108,7 @@ def _add_further_outputs(parser: argparse.ArgumentParser) -> None:
         "--write-camera-info",
         type=Path,
         metavar="FOLDER",
-        help="also write the intrinsics, one CAM.yaml each, as camera_info_manager loads them",
+        help="also write the intrinsics, a CAM.yaml per camera for camera_info_manager",
     )
 
 
@@ -118,13 +118,13 @@ def add_option_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--reference",
         metavar="CAM",
-        help="camera that gives the reference frame and clock (default: the first)",
+        help="camera whose frame and clock are the reference (default: the first)",
     )
     parser.add_argument(
         "--offset-range",
         type=float,
         metavar="S",
-        help="clocks are searched within plus and minus S seconds (default: 2)",
+        help="largest time offset to search for, in seconds (default: 2)",
     )
     parser.add_argument("--align", metavar="{starts,stamps,S,CAM=S,...}", help=_ALIGN_HELP)
     parser.add_argument(
@@ -136,7 +136,7 @@ def add_option_arguments(parser: argparse.ArgumentParser) -> None:
         help=_INTRINSICS_HELP,
     )
     _add_shutter_arguments(parser)
-    parser.add_argument("--seed", type=int, metavar="N", help="same seed, same result (default: 0)")
+    parser.add_argument("--seed", type=int, metavar="N", help="random seed (default: 0)")
 
 
 def _add_shutter_arguments(parser: argparse.ArgumentParser) -> None:
@@ -146,12 +146,12 @@ def _add_shutter_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="CAM=S",
-        help="rolling shutter of a camera: S seconds per image row, cam0=15e-6; can be repeated",
+        help="rolling shutter of a camera: S seconds per image row, as cam0=15e-6; may be repeated",
     )
     parser.add_argument(
         "--estimate-line-time",
         action="store_true",
-        help="estimate the line times of rolling shutters",
+        help="estimate the seconds per image row of rolling shutters",
     )
 
 

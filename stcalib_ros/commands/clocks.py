@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 # What computes is imported by the functions that need it, for `--help` to be quick.
 
 DESCRIPTION = """\
-Say how to cut the videos of a bag so that they begin and end at one time.
+Print how to trim the videos of a bag so that they all begin and end at the same time.
 
   stcalib clocks walk.yaml walk.mcap --videos cam0=left.mp4 cam1=right.mp4
 
-Prints one ffmpeg command for each video, and what no cut takes away: the fraction of a frame by
-which its images are later than those of the reference camera. The first image of a camera in the
-bag counts as the first frame of its video.
+Prints one ffmpeg command for each video, and what trimming cannot remove: the fraction of a frame
+by which its images are later than those of the reference camera. The first image of a camera in
+the bag is taken as the first frame of its video.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.add_argument("result", type=Path, metavar="RESULT.yaml", help="result of a calibration")
-    parser.add_argument("bag", type=Path, metavar="BAG", help="the bag that it was made from")
+    parser.add_argument("bag", type=Path, metavar="BAG", help="the bag that was calibrated")
     parser.add_argument(
         "--videos",
         nargs="+",

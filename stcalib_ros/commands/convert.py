@@ -38,14 +38,14 @@ MAX_NOISE_PX = 1e4
 _POSES = "\n".join(f"  {name:<12} {source.what}" for name, source in SOURCES.items())
 
 DESCRIPTION = f"""\
-Make a bag of the 2D poses that a pose estimator wrote, from a multi-view .npz file, or from a data
-set in its official layout.
+Make a bag from the 2D poses that a pose estimator wrote, from a multi-view .npz file, or from a
+data set in its official layout.
 
   stcalib convert openpose_output walk.mcap --fps 30 --image-size 1920x1080
   stcalib convert balance.npz balance.mcap --truth balance_truth.yaml --offset cam02=0.317
   stcalib convert 160906_pizza1 pizza.mcap --cameras 2,12,21,28 --truth t.yaml
 
-What SOURCE is, is found by its content; --format overrides it. See docs/formats.md.
+The format of SOURCE is recognised by its content; --format overrides it. See docs/formats.md.
 {_POSES}
   npz          multi-view arrays: camera_names, image_size, fps, frame_number; of each detection
                det_frame, det_camera, det_kp2d (x, y, score) with kp_names; if known, det_track,
@@ -79,8 +79,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="CAM=S",
-        help="add S seconds to the stamps of camera CAM, whose true time_offset_s is then S lower; "
-        "no frames are cut; may be repeated",
+        help="add S seconds to the timestamps of camera CAM, so that its true time_offset_s is S "
+        "less; no frames are removed; may be repeated",
     )
 
 

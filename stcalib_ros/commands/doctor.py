@@ -26,20 +26,20 @@ _POSE_FILES = (".npz", ".json", ".csv")
 """Endings of single files that are no bags."""
 
 DESCRIPTION = """\
-Say what is in a bag, and predict whether it will calibrate: before anything is solved.
+Show what is in a bag, and predict in seconds whether it will calibrate.
 
   stcalib doctor walk.mcap
   stcalib doctor openpose_output --fps 30 --image-size 1920x1080
 
-SOURCE is a bag, or what `stcalib convert` makes a bag of; of the latter, lenses that are not known
-are taken to be estimated.
+SOURCE is a bag, or any file or folder that `stcalib convert` reads; for the latter, unknown lenses
+are estimated.
 
-Of every camera: images, rate, gaps, clock, lens, people, ids, how much of the image people cover,
-and whether 3D poses agree with keypoints. Of every two cameras: the people that both see. The
-checks of the input are those of `stcalib calibrate`, with the same options.
+For every camera it shows images, frame rate, gaps, clock, lens, people, track ids, how much of the
+image people cover, and whether 3D poses agree with keypoints; for every two cameras, the people
+whom both see. The input is checked as by `stcalib calibrate`, with the same options.
 
-The prediction is 0 will calibrate, 3 will not (the reasons on stderr), 2 unusable, as the exit
-status of `stcalib calibrate` would be.
+The exit status is the one to expect of `stcalib calibrate`: 0 will calibrate, 3 will not (the
+reasons are on stderr), 2 unusable.
 """
 
 

@@ -46,7 +46,7 @@ def diagnosis_text(found: Diagnosis, source: str, warnings: Sequence[str] = ()) 
     ]
     if found.pairs:
         parts.append(_pairs(found.pairs))
-    parts += _list("Put right or noticed:", [*warnings, *whole_sentences(found.remarks, ())])
+    parts += _list("Corrected or noticed:", [*warnings, *whole_sentences(found.remarks, ())])
     left_out = [(camera.name, camera.rejection) for camera in found.uncalibrated]
     parts += _list("Left out:", left_out_sentences(left_out, codes=True))
     parts += _list("In doubt:", [_doubt(name, found.fits[name]) for name in found.doubtful])
@@ -65,8 +65,8 @@ def verdict(found: Diagnosis) -> str:
     n, n_all = len(found.calibrated), len(found.cameras)
     return (
         f"Prediction: will calibrate, {n} of {n_all} cameras ({', '.join(found.calibrated)}). "
-        "Nothing is solved yet: what only residuals show, such as a clock or camera that moved "
-        "while it recorded, is said by `stcalib calibrate`."
+        "This is a quick check: `stcalib calibrate` also finds what it cannot see, such as a "
+        "camera that was moved, or a clock that was set, during the recording."
     )
 
 
@@ -135,7 +135,7 @@ def _people(cameras: Sequence[CameraFacts]) -> str:
 
 def _pairs(pairs: Sequence[PairFacts]) -> str:
     """People that two cameras share, a row for each pair."""
-    head = ("cameras", "tracks matched", "seen together", "clocks apart", "off their lines")
+    head = ("cameras", "tracks matched", "seen together", "clock difference", "mismatch")
     shown = pairs if len(pairs) <= _MOST_PAIRS else list(_best_of_each(pairs))
     rows = [
         (
@@ -164,9 +164,9 @@ def _number(value: float, form: str, unit: str = "") -> str:
 
 def _doubt(name: str, fit: CameraFit) -> str:
     return (
-        f"{name}: {fit.fitting:.0%} of what it sees of people whom others see fits, and "
-        f"{fit.explained:.0%} of all that it sees: it may see other people, or it was moved or its "
-        "clock set while it recorded"
+        f"{name}: {fit.fitting:.0%} of its keypoints of people whom other cameras see fit those "
+        f"cameras, and {fit.explained:.0%} of all its keypoints: it may see other people, or the "
+        "camera was moved or its clock set during the recording"
     )
 
 

@@ -16,9 +16,9 @@ from stcalib_ros.core.model.calibration import Status
 from stcalib_ros.io.results import read_result
 
 DESCRIPTION = """\
-Compare a result with the truth: the paper's E_R, E_t, E_delta and E_2D, the positions of the
-cameras after similarity alignment and, where the truth has persons, who was taken for whom; where
-lenses were estimated, focal lengths, principal points and distortion.
+Compare a result with the true values: errors of rotations (E_R), positions (E_t), time offsets
+(E_delta) and keypoints (E_2D) as the paper defines them; positions after aligning both with each
+other; who was taken for whom, if the truth has persons; and lenses, if they were estimated.
 
   stcalib evaluate walk.yaml --truth walk_truth.yaml --fps 30
 """
@@ -26,12 +26,12 @@ lenses were estimated, focal lengths, principal points and distortion.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("result", type=Path, metavar="OUT.yaml", help="result file to judge")
+    parser.add_argument("result", type=Path, metavar="OUT.yaml", help="result file to compare")
     parser.add_argument(
         "--truth", type=Path, required=True, metavar="TRUTH.yaml", help="file with the true values"
     )
     parser.add_argument(
-        "--fps", type=float, metavar="HZ", help="frame rate, to have E_delta in frames as well"
+        "--fps", type=float, metavar="HZ", help="frame rate, to print E_delta in frames as well"
     )
 
 

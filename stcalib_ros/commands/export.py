@@ -23,11 +23,11 @@ Write a result in the format of another program.
   stcalib export walk.yaml --format kalibr --output camchain.yaml
   stcalib export walk.yaml --format colmap --output sparse --bag walk.mcap
 
-Formats (--format), with what the name of the file ends in
+Formats (--format), with the ending of the file's name
 {_FORMATS}
 
-With --bag, colmap and gltf have the people of a recording. Lengths are those of the result: metres,
-or the distance between its first two cameras.
+With --bag, colmap and gltf also contain the people of a recording. Lengths are those of the result:
+metres, or multiples of the distance between its first two cameras.
 """
 
 

@@ -26,7 +26,7 @@ SHA-256. They go to the folder that the environment variable STCALIB_MODELS name
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     actions = parser.add_subparsers(metavar="ACTION", dest="action")
-    actions.add_parser("list", help="say what there is (default)")
+    actions.add_parser("list", help="list the estimators (default)")
     fetch = actions.add_parser("fetch", help="fetch the weights of an estimator")
     fetch.add_argument("name", metavar="NAME", help="name of the estimator, as in the list")
     fetch.add_argument("--folder", type=Path, metavar="DIR", help="where to put them")

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 # What computes is imported by the functions that need it, for `--help` to be quick.
 
 DESCRIPTION = """\
-Triangulate the people of a bag by a calibration that there is, on the clock of its reference.
+Compute how people in a bag move in 3D, from a finished calibration, on its reference clock.
 
   stcalib people walk.yaml walk.mcap --output walk.trc
 
 The bag is the calibrated one, or a later one of the same cameras and clocks. OUT.trc is for OpenSim
-and Pose2Sim: metres, y up, a file for each person (walk_P0.trc, ...). OUT.npz has everybody, in the
-frame and unit of the result, with standard deviations; OUT.mcap is a bag of PoseArray, a topic a
-person.
+and Pose2Sim: metres, y up, one file per person (walk_P0.trc, ...). OUT.npz has everybody, in the
+frame and unit of the result, with standard deviations. OUT.mcap is a bag of PoseArray messages,
+one topic per person.
 
 `stcalib calibrate walk.mcap --output walk.yaml --people walk.trc` does both in one command.
 """
@@ -111,12 +111,12 @@ def captured(args: argparse.Namespace, calibration: Calibration) -> tuple[Record
     off = [name for name, share in found.explained.items() if share < MIN_EXPLAINED]
     if len(found.explained) - len(off) < 2:
         raise CalibrationError(
-            f"what {args.bag} shows does not agree with {args.result} (keypoints that agree: "
-            f"{_shares(found)}): a camera was moved, its clock was set, or they are of other "
-            "cameras; calibrate again with --people"
+            f"{args.bag} does not agree with {args.result} (keypoints that agree: "
+            f"{_shares(found)}): a camera was moved, its clock was set, or these are other "
+            "cameras; calibrate this bag, with --people"
         )
     for name in off:
-        warn(f"{name} agrees with the others in {found.explained[name]:.0%} of its keypoints only")
+        warn(f"only {found.explained[name]:.0%} of the keypoints of {name} agree with the others")
     return recording, found
 
 
@@ -173,10 +173,12 @@ def people_text(
     lines = [table(rows), f"People are in {', '.join(map(str, written))}"]
     if written[0].suffix == ".trc":
         if not calibration.metric:
-            lines.append("Metres are by the size of an adult: the calibration is up to scale.")
+            lines.append(
+                "The result has no unit of length: metres are estimated from the size of people."
+            )
         if not calibration.frame_id:
             lines.append(
-                f"y is up as far as {calibration.reference} is level: for the true vertical, "
+                f"y is up only if {calibration.reference} is level: for the true vertical, "
                 "calibrate with world_frame in the configuration."
             )
     return "\n".join(lines)

@@ -19,7 +19,7 @@ def add_pose_file_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what can be said of such files."""
     group = parser.add_argument_group("poses in the files of other programs")
     group.add_argument(
-        "--format", metavar="NAME", help="what SOURCE is (default: found by its content)"
+        "--format", metavar="NAME", help="format of SOURCE (default: by its content)"
     )
     group.add_argument(
         "--fps", type=float, metavar="HZ", help="frame rate (default: that of SOURCE)"
@@ -28,18 +28,18 @@ def add_pose_file_arguments(parser: argparse.ArgumentParser) -> None:
         "--image-size",
         type=_image_size,
         metavar="WxH",
-        help="size of the images, px, where SOURCE does not say",
+        help="size of the images in pixels, if SOURCE does not say",
     )
     group.add_argument(
         "--layout",
         metavar="NAME",
-        help="joint layout (default: by the names or number of joints)",
+        help="layout of the joints (default: by their names or number)",
     )
     group.add_argument(
         "--videos",
         type=Path,
         metavar="DIR",
-        help="folder of the videos, CAMERA.mp4, which say frame rate and size",
+        help="folder with the videos, CAMERA.mp4, to read frame rate and size from",
     )
     group.add_argument(
         "--stamps",
@@ -48,13 +48,13 @@ def add_pose_file_arguments(parser: argparse.ArgumentParser) -> None:
         help="time of each image: columns camera, frame, stamp; or a folder of CAMERA.csv",
     )
     group.add_argument(
-        "--cameras", metavar="A,B,...", help="their names or numbers, in this order (default: all)"
+        "--cameras", metavar="A,B,...", help="cameras to use, in this order (default: all)"
     )
     group.add_argument(
         "--frames",
         type=_frame_range,
         metavar="FIRST:LAST",
-        help="images by the numbers in SOURCE",
+        help="range of images to use, as SOURCE numbers them",
     )
 
 

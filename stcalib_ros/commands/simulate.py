@@ -22,8 +22,8 @@ from stcalib_ros.io.mocap import shipped_clips
 from stcalib_ros.io.rigs import read_rig
 
 DESCRIPTION = """\
-Make a bag of people who walk about, observed by cameras, detectors, lifters and clocks with errors,
-and its true values.
+Make a bag of simulated people who walk about in view of cameras, and a file with the true values.
+Pose estimators, lenses and clocks have realistic errors.
 
   stcalib simulate scene.mcap --truth scene_truth.yaml --n-cameras 6 --seed 3
   stcalib simulate flat.mcap --truth flat_truth.yaml --keypoints-only
@@ -33,38 +33,38 @@ and its true values.
 _HELP = {
     "n_cameras": "number of cameras",
     "n_people": "number of people",
-    "n_frames": "length in frames of the first camera",
+    "n_frames": "length of the recording, in frames of the first camera",
     "people": "how people move",
-    "area_radius_m": "people stay within about this of the middle",
+    "area_radius_m": "people stay within about this distance from the middle",
     "fps": "frame rate: one, or one per camera",
     "image_size": "width and height, px",
     "focal_px": "focal length: one, or one per camera",
     "lens_model": "model of the lenses",
     "distortion": "coefficients of that model in OpenCV's order",
     "principal_point_px": "standard deviation of principal points about the middle of the image",
-    "ring_radius_m": "range of the distances of cameras from the middle",
-    "ring_height_m": "range of the heights of cameras",
+    "ring_radius_m": "least and largest distance of cameras from the middle",
+    "ring_height_m": "least and largest height of cameras",
     "rig": "JSON file of given cameras (name, image_size, K, dist, R, t) instead of a ring",
     "rig_scale": "factor by which the rig is enlarged",
     "max_offset_frames": "largest time offset, in frames of the first camera",
     "skew_ppm": "largest clock skew",
     "stamp_jitter_s": "timestamp jitter, standard deviation",
-    "drop_rate": "fraction of images that a camera loses",
+    "drop_rate": "fraction of images that are lost",
     "line_time_s": "rolling shutter, seconds per image row: one, or one per camera",
     "sigma_px": "noise of keypoints, per axis",
     "keypoint_bias_mm": "systematic displacement of keypoints, rms",
-    "keypoint_bias_form": "how that depends on view and pose",
-    "lifter_mm": "range of the mean joint errors of 3D poses",
-    "lifter_depth_ratio": "joint error along the optical axis over that across",
+    "keypoint_bias_form": "how that displacement depends on view and pose",
+    "lifter_mm": "least and largest mean joint error of 3D poses",
+    "lifter_depth_ratio": "ratio of joint errors along the optical axis to those across it",
     "tilt_deg": "slow tilt of 3D poses, rms",
-    "crop_perspective": "fraction of the error of a lifter that ignores where a crop is",
+    "crop_perspective": "fraction of the error that 3D poses from crops of the image have",
     "scale_error": "standard deviation of the 3D size of a person",
     "flip_rate": "fraction of frames with left and right exchanged",
-    "missing": "fraction of a person's frames in a view without a detection",
-    "occlusions": "people cover each other",
-    "bursts_per_10s": "short losses per person and camera",
-    "id_switches_per_10s": "exchanges of track ids per person and camera",
-    "seed": "same seed, same scene",
+    "missing": "fraction of frames in which a camera misses a person",
+    "occlusions": "whether people hide each other",
+    "bursts_per_10s": "times that a person is lost for a moment, per camera",
+    "id_switches_per_10s": "exchanges of track ids, per person and camera",
+    "seed": "random seed: the same seed gives the same scene",
 }
 
 
@@ -74,7 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--keypoints-only",
         action="store_true",
-        help="no camera has 3D poses, as with 2D estimators",
+        help="no camera has 3D poses, as from 2D pose estimators",
     )
     parser.add_argument(
         "--keypoints-only-of",
@@ -85,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--unknown-lenses",
         action="store_true",
-        help="K of every CameraInfo is zero, as of drivers without a calibration file",
+        help="K of every CameraInfo is zero, as from drivers without a calibration file",
     )
     for field in fields(SceneOptions):
         flag = f"--{field.name.replace('_', '-')}"

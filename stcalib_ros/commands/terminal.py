@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, TextIO
@@ -31,6 +32,13 @@ from stcalib_ros.wording import (
 
 _MAX_WARNING = 5000
 """Characters. A warning is cut here, and what cannot be printed is not: data may have anything."""
+
+WIDTH = 100
+"""Columns of a terminal. Longer lines of text are broken there. Chosen: the widest table has 98."""
+
+_DEVIATIONS = """\
++- is one standard deviation in the least certain direction, from the scatter of the keypoints. Errors that all keypoints have in \
+common, as when a pose estimator places hips too high, are not in it."""
 
 _BAR = 24
 """Characters. Width of the progress bar."""
@@ -171,6 +179,11 @@ class FilmProgressPrinter(ProgressPrinter):
         self(f"people in {self._n_films} films", done / total, detail)
 
 
+def filled(text: str) -> str:
+    """Return a text in lines that fit into a terminal."""
+    return textwrap.fill(text, WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
 def table(rows: Sequence[Sequence[str]]) -> str:
     """Return columns of text, aligned to the left; the first row is the head."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -193,29 +206,32 @@ def calibration_text(calibration: Calibration) -> str:
         raise ValueError("a calibration without cameras has nothing to describe")
     n, n_all = len(calibration.cameras), len(calibration.cameras) + len(calibration.uncalibrated)
     head = (
-        f"{n} of {n_all} cameras calibrated on {count(len(calibration.persons), 'person')}, "
-        f"{calibration.n_inliers} of {calibration.n_observations} observations, "
-        f"reprojection error {calibration.reprojection_rms_px:.2f} px (rms)."
+        f"{n} of {n_all} cameras calibrated from {count(len(calibration.persons), 'person')}.\n"
+        f"{calibration.n_inliers} of {calibration.n_observations} keypoints fit, with a "
+        f"reprojection error of {calibration.reprojection_rms_px:.2f} px (rms)."
     )
     parts = [head, _cameras(calibration), _directions(calibration)]
     if lenses := lens_rows(calibration):
         parts.append(table(lenses))
     if remarks := whole_sentences(calibration.remarks, calibration.rejections):
-        parts.append("\n".join(remarks))
+        parts.append("\n".join(map(filled, remarks)))
     if calibration.persons:
         parts.append(_persons(calibration))
     left_out = [(camera.name, camera.rejection) for camera in calibration.uncalibrated]
-    parts += [f"NOT calibrated: {text}" for text in left_out_sentences(left_out)]
+    parts += [filled(f"NOT calibrated: {text}") for text in left_out_sentences(left_out)]
     return "\n\n".join(parts)
 
 
 def _directions(calibration: Calibration) -> str:
-    return (
+    poses = (
         f"Poses are T_ref_cam: where a camera is and looks in {frame_text(calibration)}, "
-        f"in {scale_text(calibration)}.\n"
-        f"Add a camera's offset to its stamps to have the clock of {calibration.reference}: "
-        "t_ref = t_cam + offset. +- is one standard deviation, in the least certain direction."
+        f"in {scale_text(calibration)}."
     )
+    clocks = (
+        f"Add a camera's offset to its timestamps to have the clock of {calibration.reference}: "
+        "t_ref = t_cam + offset."
+    )
+    return "\n".join(map(filled, (poses, clocks, _DEVIATIONS)))
 
 
 def _cameras(calibration: Calibration) -> str:
@@ -225,8 +241,8 @@ def _cameras(calibration: Calibration) -> str:
 
 
 def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
-    position = _triple(camera.t_ref_cam, 3)
-    looks_along = _triple(camera.R_ref_cam[:, 2], 2)
+    position = _triple(camera.t_ref_cam, 3, 7)
+    looks_along = _triple(camera.R_ref_cam[:, 2], 2, 5)
     turned = f"{float(np.degrees(rotation_angle(camera.R_ref_cam))):.1f} deg"
     if camera.covariance.any() or camera.name != reference:
         position += plus_minus(largest_stddev(camera.covariance[:3, :3]), 3)
@@ -234,12 +250,12 @@ def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
     return (camera.name, position, looks_along, turned, clock_text(camera, reference))
 
 
-def _triple(values: Float64Array, digits: int) -> str:
-    return " ".join(text.rjust(digits + 4) for text in decimals(values, digits))
+def _triple(values: Float64Array, digits: int, width: int) -> str:
+    return " ".join(text.rjust(width) for text in decimals(values, digits))
 
 
 def _persons(calibration: Calibration) -> str:
-    rows = [("person", "tracks", "reprojection", "next best assignment")]
+    rows = [("person", "track ids in each camera", "error (rms)", "if taken for another")]
     for person in calibration.persons:
         tracks = "  ".join(
             f"{name}: {' '.join(map(str, ids))}" for name, ids in person.tracks.items()

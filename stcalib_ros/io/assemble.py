@@ -86,7 +86,7 @@ def _camera(camera: CameraImages, epoch_ns: int, warn: Warn) -> CameraRecording:
     images = _ordered(camera, warn)
     first = images[0]
     if n_infinite := sum(image.n_infinite for image in images):
-        warn(f"{camera.pose_topic}: {n_infinite} infinite values taken as not observed")
+        warn(f"{camera.pose_topic}: {n_infinite} infinite values are taken as not observed")
     given = lens(camera.info, rectified=first.rectified, topic=camera.info_topic)
     if first.rectified and not given.known and camera.settings.info is not None:
         raise InputError(
@@ -150,7 +150,7 @@ def _ordered(camera: CameraImages, warn: Warn) -> list[PoseImage]:
             best[image.stamp_ns] = image
     if dropped := len(camera.images) - len(best):
         warn(
-            f"{camera.pose_topic}: {dropped} images have a stamp that another image has; "
+            f"{camera.pose_topic}: {dropped} images have the same timestamp as another one; "
             "those with the higher score are kept"
         )
     return [best[stamp] for stamp in sorted(best)]
@@ -204,14 +204,14 @@ def _by_track(
     n_several = int((np.bincount(frames) > 1).sum())
     if n_repeated > MAX_REPEATED_IDS * n_several:
         warn(
-            f"{topic}: persons have the track id of another one in {n_repeated} of {n_several} "
-            "images with several: ids are not used"
+            f"{topic}: in {n_repeated} of {n_several} images with several people, some share a "
+            "track id: ids are not used"
         )
         everyone = np.arange(len(ids), dtype=np.int64)
         return everyone, everyone
     warn(
-        f"{topic}: {int(same.sum())} persons have a track id that another person of the same "
-        "image has; those with the higher score are kept"
+        f"{topic}: {int(same.sum())} times, two people of one image have the same track id; those "
+        "with the higher score are kept"
     )
     return ids, order[np.concatenate([[True], ~same])]
 

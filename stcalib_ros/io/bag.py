@@ -87,8 +87,8 @@ def read_bag(
     contents.collect(raw_messages(bag.files, topics), progress or _no_progress)
     if bag.undefined:
         warn(
-            f"{path} has no definition, or none as ros2msg, of {len(bag.undefined)} topics: "
-            f"{', '.join(sorted(bag.undefined))}; read by our definitions, which the messages fit"
+            f"{path} lacks the message definitions of {len(bag.undefined)} topics: "
+            f"{', '.join(sorted(bag.undefined))}; ours are used, and the messages fit them"
         )
     return assemble_recording(contents.cameras(path, warn), warn=warn)
 
@@ -177,7 +177,7 @@ class _Contents:
             info = info_with_size(published, camera.lens, f"camera {camera.name}")
             if info is None:
                 raise InputError(
-                    f"camera {camera.name}: no message on {camera.info_topic}; without any, give "
+                    f"camera {camera.name}: no message on {camera.info_topic}; record it, or give "
                     f"camera.{camera.name}.image_size in the configuration"
                 )
             out.append(

@@ -91,11 +91,11 @@ def _listed_files(
         return listed
     if not there:
         raise InputError(
-            f"{metadata} lists files that are not there: {_names(missing)}; nor are there others"
+            f"{metadata} lists files that are missing: {_names(missing)}; there are no others"
         )
     warn(
-        f"{metadata} lists {len(missing)} files that are not there: {_names(missing)}; read are "
-        f"the {len(there)} that are: {_names(there)}"
+        f"{metadata} lists {len(missing)} files that are missing: {_names(missing)}; the others "
+        f"are read: {_names(there)}"
     )
     return there
 

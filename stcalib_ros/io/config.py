@@ -41,7 +41,7 @@ def read_config(path: Path) -> Config:
     if content is None:
         return Config()
     if not isinstance(content, Mapping):
-        raise InputError(f"{path}: expected options by name, got {content!r}")
+        raise InputError(f"{path}: expected NAME: VALUE lines, got {content!r}")
     options = {str(k): v for k, v in content.items() if k not in ("cameras", "camera")}
     try:
         return Config(

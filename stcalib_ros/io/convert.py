@@ -152,7 +152,8 @@ def _layout(path: Path, arrays: Arrays, wanted: str | None) -> Layout:
         layout = find_layout(wanted)
         if layout.n_joints != len(names):
             raise InputError(
-                f"layout {wanted!r} has {layout.n_joints} joints, the poses of {path} {len(names)}"
+                f"layout {wanted!r} has {layout.n_joints} joints, but the poses of {path} have "
+                f"{len(names)}"
             )
         return layout
     named = [known for known in LAYOUTS.values() if known.joint_names == names]

@@ -46,7 +46,7 @@ def require_cameras(path: Path, names: Sequence[str], options: ConvertOptions) -
     for name in names:
         require_name(name, f"{path}: name of a camera")
     if twice := sorted(n for n, count in Counter(names).items() if count > 1):
-        raise InputError(f"{path}: two cameras with one name: {', '.join(twice)}")
+        raise InputError(f"{path}: two cameras have the same name: {', '.join(twice)}")
     if unknown := sorted(set(options.clock_shifts_s) - set(names)):
         raise InputError(
             f"offset of {', '.join(unknown)}: no such camera; {path} has {', '.join(names)}"
@@ -86,6 +86,6 @@ def require_stamps(path: Path, stamps_s: Iterable[float]) -> None:
     first_s, last_s = min(stamps), max(stamps)
     if not 0 < first_s <= last_s < MAX_TIME_S:
         raise InputError(
-            f"{path}: with this frame rate and these offsets, stamps would be {first_s:.3g} to "
-            f"{last_s:.3g} s, where 0 to {MAX_TIME_S:.3g} s are possible"
+            f"{path}: with this frame rate and these offsets, timestamps would be {first_s:.3g} "
+            f"to {last_s:.3g} s, but only 0 to {MAX_TIME_S:.3g} s are possible"
         )

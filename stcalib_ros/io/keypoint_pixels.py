@@ -39,8 +39,8 @@ def with_pixels(image: PoseImage, lens: Intrinsics, info_topic: str) -> PoseImag
         return image
     if not lens.known:
         raise InputError(
-            f"{info_topic}: the poses have no keypoints, only joints of that camera, and without "
-            "its lens these have no place in the image; calibrate the CameraInfo of that camera"
+            f"{info_topic}: the poses have no keypoints but 3D joints, which cannot be projected "
+            "into the image without a lens; publish a CameraInfo with the lens of this camera"
         )
     pixels = project(image.joints.astype(np.float64), lens)
     return replace(image, keypoints=pixels.astype(np.float32), project=False)

@@ -88,8 +88,8 @@ def lens_settings(given: Mapping[str, Any], path: str) -> LensSettings:
     )
     if view is not None and settings.knowledge not in (None, LensKnowledge.REFINE):
         raise InputError(
-            f"option {path}.field_of_view_deg: a field of view is a start for intrinsics: refine, "
-            f"not for {said}; leave one of them out"
+            f"option {path}.field_of_view_deg: a field of view is a first guess for intrinsics: "
+            f"refine, not for {said}; leave one of them out"
         )
     return settings
 
@@ -166,8 +166,8 @@ def info_with_size(
         return given or fields_of_lens(unknown_intrinsics(*size))
     if (info.width, info.height) not in (size, (0, 0)):
         raise InputError(
-            f"{what}: its image is to have {size[0]} x {size[1]} px, but CameraInfo has "
-            f"{info.width} x {info.height}; give those, or leave them out"
+            f"{what}: the image size is given as {size[0]} x {size[1]} px, but CameraInfo says "
+            f"{info.width} x {info.height}; correct it, or leave it out"
         )
     if given is None:
         return info._replace(width=size[0], height=size[1])

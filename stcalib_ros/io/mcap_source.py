@@ -136,7 +136,9 @@ class McapSource:
         self._file.seek(index.chunk_start_offset)
         opcode, _ = _RECORD.unpack(self._file.read(_RECORD.size))
         if opcode != Opcode.CHUNK:
-            raise ValueError(f"no chunk at {index.chunk_start_offset}, where the index has one")
+            raise ValueError(
+                f"the index lists a chunk at {index.chunk_start_offset} that is not there"
+            )
         chunk: Chunk = Chunk.read(ReadDataStream(self._file))
         return chunk
 
@@ -239,7 +241,7 @@ class _ChunkBudget:
         self._budget.take(size)
         raw = unpacked_chunk(chunk.compression, chunk.data, size)
         if chunk.uncompressed_crc not in (0, zlib.crc32(raw)):
-            raise ValueError("a chunk has another checksum than its content")
+            raise ValueError("the checksum of a chunk does not match its content")
         return raw
 
 

@@ -27,7 +27,7 @@ def read_toml(path: Path) -> Mapping[str, Any]:
     try:
         content: Mapping[str, Any] = _toml.loads(text)
     except RecursionError:
-        raise InputError(f"{path} is not valid TOML for us: it is too deep") from None
+        raise InputError(f"{path} cannot be read as TOML: it has too many levels") from None
     except ValueError as error:
         raise InputError(f"{path} is not valid TOML: {error}") from None
     return content

@@ -137,7 +137,7 @@ def selection_from_mapping(cameras: object, camera: object) -> CameraSelection:
         if not isinstance(cameras, list) or not all(isinstance(c, str) and c for c in cameras):
             raise InputError(f"option cameras: expected a list of names, got {cameras!r}")
         if twice := sorted({c for c in cameras if cameras.count(c) > 1}):
-            raise InputError(f"option cameras: two cameras with one name: {', '.join(twice)}")
+            raise InputError(f"option cameras: two cameras have the same name: {', '.join(twice)}")
         names = tuple(cameras)
     if camera is None:
         return CameraSelection(names)
@@ -248,7 +248,7 @@ def _lenses(wanted: Sequence[str], selection: CameraSelection) -> dict[str, Lens
     if missing := [n for n in wanted if n not in found and said[n] == _NO_LENS]:
         raise InputError(
             f"{file.path} has no lens of camera {', '.join(missing)}: it has "
-            f"{', '.join(file.lenses)}; give that of each camera (--intrinsics "
+            f"{', '.join(file.lenses)}; give each camera its lens (--intrinsics "
             f"{missing[0]}=FILE:NAME, or {missing[0]}=given for its CameraInfo)"
         )
     return said | {
@@ -297,7 +297,7 @@ def _require_poses_of_settings(
         said = [("line_time_s", own.line_time_s is not None), ("intrinsics", own.lens != _NO_LENS)]
         if name not in pose_topics and (what := [key for key, is_said in said if is_said]):
             raise InputError(
-                f"{what[0]} of camera {name}: no person poses of it; "
+                f"{what[0]} of camera {name}: there are no person poses of this camera; "
                 f"the bag has {_listing(types_by_topic, Content.POSES)}"
             )
 
@@ -330,7 +330,7 @@ def _pose_topics(types_by_topic: Mapping[str, str], selection: CameraSelection) 
         alike = other != topic and ranks[other] == ranks[topic]
         if alike and not TYPES[types_by_topic[topic]].topic_per_person:
             raise InputError(
-                f"two cameras with one name, {name!r}: {other} and {topic}; "
+                f"two cameras have the same name, {name!r}: {other} and {topic}; "
                 f"name them with camera.<name>.pose_topic in the configuration"
             )
     return by_name

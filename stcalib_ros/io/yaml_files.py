@@ -107,8 +107,7 @@ def parse_yaml(
     """
     if len(text) > max_length:
         raise InputError(
-            f"{what} is not valid YAML for us: it has {len(text)} characters, at most "
-            f"{max_length} are read"
+            f"{what} is too long: it has {len(text)} characters, and at most {max_length} are read"
         )
     try:
         return _Content(what, max_nodes, mapping_tags).of(yaml.parse(text, Loader=_Parser))

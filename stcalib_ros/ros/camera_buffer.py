@@ -243,13 +243,15 @@ class CameraBuffer:
             self._last_problem = one_line(
                 f"{topic}: {why}; do two cameras publish on this topic?", MAX_LINE
             )
-            self._warn(ASIDE, f"{self._last_problem} (set aside until that is clear)")
+            self._warn(ASIDE, f"{self._last_problem} (images are set aside until this is clear)")
             return
         if bound := self._follower.append(image, now_s):
             self._warn("bound", f"{topic}: {bound}; the oldest images are discarded")
         if dropped := self._follower.drop_aside():
             self._count_dropped(dropped)
-            self._warn("dropped", f"{topic}: {dropped} images that were set aside are dropped")
+            self._warn(
+                "dropped", f"{topic}: the {dropped} images that were set aside are discarded"
+            )
 
     def _take_lens(self, change: LensChange) -> None:
         if change.until_ns is None:
@@ -263,7 +265,7 @@ class CameraBuffer:
     def _flushed(self, why: str, event: str = FLUSH) -> None:
         self._flushes += 1
         self._last_problem = one_line(why, MAX_LINE)
-        self._warn(event, f"{self._last_problem}; what was received before is discarded")
+        self._warn(event, f"{self._last_problem}; images received before are discarded")
 
     def _count_dropped(self, n: int) -> None:
         if n:

@@ -67,8 +67,8 @@ def starvation(camera: SelectedCamera, counts: Counts, node: Any) -> str:
         lacking.append(f"sends nothing that can be used: {counts.last_problem}")
     elif counts.no_keypoints:
         lacking.append(
-            f"sends persons without a single keypoint on {camera.pose_topic}; check the "
-            "pose estimator's output"
+            f"sends people without keypoints on {camera.pose_topic}; check the output of the "
+            "pose estimator"
         )
     elif counts.fault is not None:
         lacking.append(f"sends on {camera.pose_topic}: {sentence(counts.fault)}")
@@ -279,7 +279,7 @@ def load_status(prefix: str, load: Load, lost: Mapping[str, int], *, newly_lost:
     if newly_lost:
         level = DiagnosticStatus.WARN
         losing = ", ".join(f"{name}: {n}" for name, n in lost.items() if n)
-        message = f"messages are lost on their way or in the queue (queue_depth), {losing}"
+        message = f"messages are lost in the network or in the queue (queue_depth), {losing}"
     values = {
         "messages_per_minute": load.messages,
         "lost": sum(lost.values()),

@@ -40,7 +40,7 @@ class Gatherer:
         if max([stamp, self._given_ns, *self._images]) - stamp > _STEP_NS:
             self._images, self._given_ns = {}, 0
         if stamp <= self._given_ns:
-            raise ValueError(f"a person of an image came more than {GATHER_S} s of stamps late")
+            raise ValueError(f"a person of an image came more than {GATHER_S} s late")
         if not self._put(stamp, message):
             return []
         ready = sorted(self._images)

@@ -92,7 +92,9 @@ class InForce:
         if initial is None or given is None:
             return
         if self.calibration is not None and given.window_s[1] <= self.calibration.window_s[1]:
-            self._log.info(f"{initial} is not put into force: its data are not from later")
+            self._log.info(
+                f"{initial} is not put into force: the saved calibration is from later data"
+            )
             return
         problem = self.replace(given, f"file-{initial.stem}")
         self._log.info(f"{initial} is in force{problem}")
@@ -133,7 +135,7 @@ class InForce:
         number = self._saved(calibration)
         problem = f", but not saved: {self._problem}" if self._problem else ""
         if problem:
-            self._log.error(f"run {run_id} is in force{problem}; it is tried again")
+            self._log.error(f"run {run_id} is in force{problem}; saving is tried again")
         self._put(Kept(number, calibration), run_id)
         return problem
 
@@ -198,8 +200,9 @@ class InForce:
         if not self._history.claim() and not self._shared:
             self._shared = True
             self._log.warning(
-                f"{self._history.folder}: another process keeps its calibrations there, too; each "
-                "finds those of the other after a restart: give one of them another results_folder"
+                f"{self._history.folder}: another process keeps its calibrations there, too; "
+                "after a restart, either may start with those of the other: give one of them "
+                "another results_folder"
             )
 
     def _require_usable(self, calibration: Calibration) -> None:

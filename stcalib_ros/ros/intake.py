@@ -123,8 +123,8 @@ class Intake:
         if len(data) > (most := self._buffers.max_bytes * TYPES[kind].bytes_factor):
             self._buffers.reject(
                 name,
-                f"{topic}: a message of {len(data)} bytes; with max_persons and max_joints as they "
-                f"are, none has more than {most}",
+                f"{topic}: a message of {len(data)} bytes; max_persons and max_joints allow no "
+                f"more than {most}",
             )
             return None
         try:

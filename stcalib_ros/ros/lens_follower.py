@@ -157,7 +157,7 @@ class LensFollower:
         why = lens_change(self._camera.info_topic, before, info)
         estimated = self._knowledge is not LensKnowledge.GIVEN
         if estimated and before is not None and image_alone(before) == image_alone(info):
-            return LensChange(f"{why}; it is refined from there on", None)
+            return LensChange(f"{why}; it is refined from the new values", None)
         return LensChange(why, other.newest_ns)
 
     @property

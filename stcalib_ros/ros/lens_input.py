@@ -106,7 +106,7 @@ class DriverImage:
             Of the image.
         """
         if self.rectified:
-            return "not called, as the lens that was found is that of the rectified image"
+            return "not called, since the estimated lens is that of the rectified image"
         if self.published is None:
             return ""
         info = self.published
@@ -115,8 +115,8 @@ class DriverImage:
         if (width, height) == (found.width, found.height):
             return ""
         return (
-            f"not called, as the driver's images have {width} x {height} px now, those of the "
-            f"calibration {found.width} x {found.height}"
+            f"not called, since images have {width} x {height} px now, and had "
+            f"{found.width} x {found.height} px when calibrated"
         )
 
     def of_sensor(self, found: CameraInfoFields) -> CameraInfoFields:

@@ -172,7 +172,7 @@ class Calibrator:
         if self.run is not None:
             return failure(Status.CANCELLED, f"not started: run {self.run.run_id} is under way")
         if self.worker.step is not None:
-            return failure(Status.CANCELLED, "not started: the solver has not ended yet")
+            return failure(Status.CANCELLED, "not started: the last run has not ended yet")
         return wanted.refusal([camera.name for camera in self.settings.cameras])
 
     def cancel(self) -> None:

@@ -101,7 +101,7 @@ class Player:
             sent = self._play_once(stop)
             if stop.is_set() or not sent or not self._options.loop:
                 break
-            self._log.info("the bag begins again: time jumps back")
+            self._log.info("playing the bag again from its beginning: time jumps back")
         stop.wait(LINGER_S)
 
     def _play_once(self, stop: threading.Event) -> int:
@@ -132,7 +132,7 @@ class Player:
             publishers["/clock"] = self._clock
         while alone := [t for t, p in publishers.items() if not p.get_subscription_count()]:
             if time.monotonic() >= deadline:
-                self._log.warning(f"playing without subscribers of {', '.join(alone)}")
+                self._log.warning(f"nobody subscribes to {', '.join(alone)}; playing all the same")
                 return
             if stop.wait(_POLL_S):
                 return

@@ -141,7 +141,9 @@ class Publishers:
         try:
             return node.create_publisher(CameraInfo, f"~/{camera}/camera_info", latched())
         except InvalidTopicNameException:
-            self._log.warning(f"camera {camera}: its name can be in no topic; no CameraInfo of it")
+            self._log.warning(
+                f"camera {camera}: its name cannot be part of a topic; CameraInfo is not published"
+            )
             return None
 
     def show_view(self, name: str, parent: str, T_ref_view: Float64Array) -> None:
@@ -181,7 +183,7 @@ class Publishers:
             return
         self._log.warning(
             "/tf_static: not published, since lengths are not metres; "
-            "set tf_not_metric to have it all the same"
+            "set tf_not_metric to publish all the same"
         )
 
     def _send_frames(self) -> None:

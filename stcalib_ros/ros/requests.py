@@ -53,7 +53,7 @@ class Wanted:
             there = ", ".join(ready) or "none"
             return failure(
                 Status.INSUFFICIENT_DATA,
-                "not started: at least two cameras with poses and CameraInfo are needed, there "
-                f"is {there}; /diagnostics says what the others wait for",
+                "not started: two cameras with poses and CameraInfo are needed (ready: "
+                f"{there}); /diagnostics says what the others wait for",
             )
         return None

@@ -237,7 +237,7 @@ class Restamp:
     def _lack(self, relay: Relay) -> str:
         if relay.refused or relay.restamper.relayed or relay.restamper.dropped:
             return ""
-        return f"nothing has come: {publishers_of(self.node, relay.source)}"
+        return f"nothing received: {publishers_of(self.node, relay.source)}"
 
     def _status(self, relay: Relay) -> DiagnosticStatus:
         restamper = relay.restamper
@@ -321,7 +321,7 @@ def _require_distinct(relays: list[Relay]) -> None:
     targets = [relay.target for relay in relays]
     for names in (sources, targets, sources + targets):
         if twice := next((name for name in names if names.count(name) > 1), None):
-            raise InputError(f"{twice} would be relayed twice or to itself: look at the remapping")
+            raise InputError(f"{twice} would be relayed twice or to itself: check the remapping")
 
 
 def _common_type(topic: str, infos: Sequence[Any]) -> str:

@@ -129,14 +129,16 @@ def relay_settings(topics: Iterable[RelayedTopic], **values: Any) -> RelaySettin
         raise InputError("no topics: set camera.<name>.topics")
     names = [t.topic for t in topics]
     if twice := next((n for n in names if names.count(n) > 1), None):
-        raise InputError(f"{twice} is given twice; a topic has the clock of one camera")
+        raise InputError(f"{twice} is given twice; a topic can have the clock of one camera only")
     for name, known in _RELIABILITIES.items():
         if values[name] not in known:
             raise InputError(f"{name}: {values[name]!r} is none of {', '.join(known)}")
     if not values["output_prefix"].strip("/"):
-        raise InputError("output_prefix: empty, and the topics would be fed by themselves")
+        raise InputError("output_prefix is empty, so that topics would be relayed to themselves")
     if not values["result_topic"] and not values["result_file"]:
-        raise InputError("offsets come from result_topic or result_file, and both are empty")
+        raise InputError(
+            "result_topic and result_file are both empty: one of them is needed for time offsets"
+        )
     file = Path(values["result_file"]).expanduser() if values["result_file"] else None
     return RelaySettings(topics=topics, **(values | {"result_file": file}))
 

@@ -94,8 +94,8 @@ def calibrate_in_subprocess(
     except (EOFError, BrokenPipeError, ConnectionResetError):
         process.join()
         raise SolverError(
-            f"the solver's process has ended (exit code {process.exitcode}); if memory ran out, of "
-            f"which it may take {memory_mb:.0f} MB beside the images, make window_s smaller"
+            f"the solver's process has died (exit code {process.exitcode}); if memory "
+            f"ran out (it may use {memory_mb:.0f} MB beside the images), make window_s smaller"
         ) from None
     finally:
         process.kill()
@@ -186,7 +186,7 @@ def _answer(
     except MemoryError:
         return _ERROR, SolverError(
             f"the solver needs more than {memory_mb:.0f} MB beside the images: make window_s "
-            "smaller, or see to it that ids of persons last longer"
+            "smaller, or let the pose estimator keep track ids longer"
         )
     except Exception as error:  # the node goes on, whatever the solver stumbles over
         return _ERROR, SolverError(f"{type(error).__name__}: {error}")

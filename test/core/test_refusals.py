@@ -184,7 +184,8 @@ def test_keypoints_that_are_those_of_nobody(four, change, reason, says):
     calibration = verdict(every(four.recording, change))
     assert calibration.status is Status.INSUFFICIENT_DATA
     assert reasons(calibration) == dict.fromkeys(ALL, reason)
-    assert calibration.message.count(says) == 4
+    assert calibration.message.count(says) == 1
+    assert all(name in calibration.message for name in ALL)
 
 
 def test_poses_of_nobody_are_left_out_of_a_calibration_that_says_so(four):
@@ -223,7 +224,7 @@ def test_two_groups_of_cameras(four, strangers):
     assert_the_rest_is_calibrated(calibration, four.truth, ["cam0", "cam1"])
     for name in ("cam2", "cam3"):
         assert reasons(calibration)[name] is RejectionReason.DISCONNECTED
-    assert "forms a separate group with" in calibration.message
+    assert "form a separate group" in calibration.message
 
 
 @pytest.mark.parametrize("name", ["cam0", "cam2"])

@@ -190,7 +190,7 @@ CASES: dict[str, tuple[Maker, str]] = {
         ),
     ),
     "folder without bag": (_empty_folder, r"is not a bag: .* but notes\.txt"),
-    "file of folder missing": (_folder_with_a_missing_file, r"not there: .*a\.mcap"),
+    "file of folder missing": (_folder_with_a_missing_file, r"files that are missing: a\.mcap"),
     "other metadata": (_folder_with_other_metadata, r"not rosbag2 metadata"),
     "broken metadata": (_folder_with_broken_metadata, r"not valid YAML"),
     "other schema": (
@@ -271,9 +271,9 @@ CASES: dict[str, tuple[Maker, str]] = {
         _another_type_without_definition,
         r"cannot be decoded as .* bytes are left: it was written with another definition",
     ),
-    "two cameras with one name": (
+    "two cameras have the same name": (
         _same_name,
-        r"two cameras with one name, 'cam0': /cam0/other and /cam0/person_poses",
+        r"two cameras have the same name, 'cam0': /cam0/other and /cam0/person_poses",
     ),
     "no finite keypoint": (
         _images(bags.poses(0, [bags.person(keypoints=[np.nan] * 34)])),

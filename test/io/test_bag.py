@@ -297,7 +297,7 @@ def test_not_observed_is_nan(tmp_path: Path) -> None:
     assert np.isnan(track.joints[0, :2]).all(), "1e30 is as good as infinite"
     assert np.isfinite(track.joints[0, 2:]).all()
     assert track.scores[0, :2].tolist() == [0.0, 0.25]
-    assert warnings == ["/cam0/person_poses: 3 infinite values taken as not observed"]
+    assert warnings == ["/cam0/person_poses: 3 infinite values are taken as not observed"]
 
 
 def test_empty_fields_are_not_given(tmp_path: Path) -> None:

@@ -113,7 +113,7 @@ FORMATS: dict[str, tuple[Callable[[Path], Path], str | None]] = {
         ),
         None,
     ),
-    "Humble": (humble, r"no definition, or none as ros2msg, of 4 topics: /cam0/camera_info, "),
+    "Humble": (humble, r"lacks the message definitions of 4 topics: /cam0/camera_info, "),
     "SQLite file": (lambda f: humble(f) / "b_0.db3", "of 4 topics"),
     "SQLite of Iron": (
         lambda f: sqlite(f / "plain.mcap", f / "a.db3", definitions=True, pack=bytes),
@@ -130,11 +130,11 @@ FORMATS: dict[str, tuple[Callable[[Path], Path], str | None]] = {
     "without metadata": (lambda f: folder_of(f, "b_0.mcap"), None),
     "renamed": (
         lambda f: metadata(folder_of(f, "walk.mcap"), ["b_0.mcap"]),
-        r"lists 1 files that are not there: b_0\.mcap; read are the 1 that are: walk\.mcap",
+        r"lists 1 files that are missing: b_0\.mcap; the others are read: walk\.mcap",
     ),
     "one split lost": (
         lambda f: metadata(folder_of(f, "b_1.mcap"), ["b_0.mcap", "b_1.mcap"]),
-        r"lists 1 files that are not there: b_0\.mcap; read are the 1 that are: b_1\.mcap",
+        r"lists 1 files that are missing: b_0\.mcap; the others are read: b_1\.mcap",
     ),
     "killed": (killed, r"1 of 2 files are empty \(0 bytes\) and left out: b_1\.mcap"),
     "definitions as IDL": (

@@ -33,10 +33,10 @@ def test_empty_file_is_the_default(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("- a", "expected options by name"),
+        ("- a", "expected NAME: VALUE lines"),
         ("offset_range: 1", "unknown option offset_range: did you mean offset_range_s"),
         ("cameras: a", r"cameras: expected a list of names, got 'a'"),
-        ("cameras: [a, b, a]", "two cameras with one name: a"),
+        ("cameras: [a, b, a]", "two cameras have the same name: a"),
         ("camera: [a]", "camera: expected a mapping"),
         ("camera: {a: /x}", r"camera\.a: expected pose_topic, .*, line_time_s, .*, got '/x'"),
         ("camera: {a: {topic: /x}}", r"unknown option camera\.a\.topic"),
@@ -87,7 +87,7 @@ TYPES = {
         ),
         (
             CameraSelection(None, {"b": CameraTopics(line_time_s=1e-5)}),
-            r"line_time_s of camera b: no person poses of it; the bag has .*/a/person_poses",
+            r"line_time_s of camera b: there are no person poses .* bag has .*/a/person_poses",
         ),
         (
             CameraSelection(None, {"b": CameraTopics("/a/image")}),

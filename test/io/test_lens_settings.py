@@ -64,7 +64,10 @@ camera:
         ("field_of_view_deg: 181", "of 5 to 180 degrees, got 181"),
         ("field_of_view_deg: wide", "of 5 to 180 degrees, got 'wide'"),
         ("field_of_view_deg: .nan", "of 5 to 180 degrees, got nan"),
-        ("field_of_view_deg: 90, intrinsics: given", "is a start for .* refine, not for given"),
+        (
+            "field_of_view_deg: 90, intrinsics: given",
+            "is a first guess for .* refine, not for given",
+        ),
         ("image_size: 1920", r"a\.image_size: expected \[width, height\] .*, got 1920"),
         ("image_size: [1920, 0]", r"expected \[width, height\] of 1 to"),
         ("image_size: [1920, 1080, 3]", r"expected \[width, height\] of 1 to"),
@@ -132,10 +135,10 @@ def test_a_file_that_knows_no_rectified_image(tmp_path: Path) -> None:
 
 def test_a_size_that_contradicts_camera_info(tmp_path: Path) -> None:
     text = "camera: {cam0: {image_size: [800, 600]}}"
-    with pytest.raises(InputError, match=r"cam0: .* to have 800 x 600 px, .* has 640 x 480; give"):
+    with pytest.raises(InputError, match=r"cam0: .* as 800 x 600 px, .* says 640 x 480; correct"):
         read(tmp_path, text)
 
 
 def test_settings_of_a_camera_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="intrinsics of camera cam9: no person poses of it; the b"):
+    with pytest.raises(InputError, match="intrinsics of camera cam9: there are no person poses"):
         read(tmp_path, "camera: {cam9: {intrinsics: refine}}")

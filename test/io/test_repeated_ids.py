@@ -31,13 +31,13 @@ def assembled(ids):
 def test_ids_that_nobody_tracks_are_not_used(ids):
     tracks, (warning,) = assembled(ids)
     assert len({track.track_id for track in tracks}) == len(tracks) == 3 * N
-    assert "persons have the track id of another one in 40 of 40 images with several" in warning
+    assert "in 40 of 40 images with several people, some share a track id" in warning
 
 
 def test_of_ids_that_repeat_now_and_then_the_higher_score_is_kept():
     tracks, (warning,) = assembled(lambda k: (1, 2, 2) if k < 5 else (1, 2, 3))
     assert [len(track.frames) for track in tracks] == [N, N, N - 5]
-    assert "5 persons have a track id that another person of the same image has" in warning
+    assert "5 times, two people of one image have the same track id" in warning
     second = tracks[1].keypoints[:, 0, 0]
     assert second[4] - second[5] == 100.0
 

@@ -52,7 +52,9 @@ def test_a_camera_with_a_name_of_its_own_is_one_camera() -> None:
 
 def test_two_that_are_alike_are_not_guessed() -> None:
     topics = {"/a/yolo/one": YOLO, "/a/yolo/two": YOLO, "/a/camera_info": INFO}
-    with pytest.raises(InputError, match="two cameras with one name, 'a': /a/yolo/one and /a/yolo"):
+    with pytest.raises(
+        InputError, match="two cameras have the same name, 'a': /a/yolo/one and /a/yolo"
+    ):
         chosen(topics)
 
 

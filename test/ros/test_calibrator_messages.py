@@ -124,7 +124,7 @@ def test_a_camera_without_a_lens_says_what_to_set_and_the_log_says_it_once():
     fault = Rejection(RejectionReason.LENS_UNKNOWN, ("cam0",), detail="cam0=unknown")
     counts = replace(COUNTS, no_lens=fault)
     lack = starvation(CAMERA, counts, None)
-    assert lack.startswith("sends on /b: no lens is known")
+    assert lack.startswith("sends on /b: the lens is unknown")
     assert "set intrinsics to unknown" in lack
     lacks = {"cam0": lack, "cam1": "waits for poses", "cam2": ""}
     starved, no_lens = complaints(lacks, {"cam0": counts, "cam1": COUNTS, "cam2": COUNTS})
@@ -178,7 +178,7 @@ def test_status_of_the_solver(in_force, last_status, level):
     running = solver_status("n", SolverState(step, in_force, "run-1", last_status, "why"))
     idle = solver_status("n", SolverState(None, in_force, "run-1", last_status, "why"))
     assert running.level == idle.level == level
-    assert (running.message, idle.message) == ("running run-2: lift", "idle")
+    assert (running.message, idle.message) == ("running run-2: checking the input", "idle")
 
 
 def test_reasons_of_the_last_run_are_codes_with_their_cameras():
@@ -198,7 +198,7 @@ def test_reasons_of_the_last_run_are_codes_with_their_cameras():
         (
             True,
             DiagnosticStatus.WARN,
-            "messages are lost on their way or in the queue (queue_depth), cam1: 3",
+            "messages are lost in the network or in the queue (queue_depth), cam1: 3",
         ),
     ],
 )

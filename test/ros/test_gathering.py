@@ -45,7 +45,7 @@ def test_an_image_without_persons_has_the_frame_of_the_others():
 def test_who_comes_too_late_is_left_out_and_a_clock_that_was_set_begins_anew():
     gatherer = Gatherer()
     given(gatherer, message(0, 1), message(1, 1), message(7, 1))
-    with pytest.raises(ValueError, match=r"came more than 0\.5 s of stamps late"):
+    with pytest.raises(ValueError, match=r"came more than 0\.5 s late"):
         gatherer.add(message(1, 2))
     assert given(gatherer, message(-600, 1), message(-590, 1)) == [([1], "optical")]
 

@@ -117,7 +117,7 @@ def test_a_result_file_is_in_force_from_the_start(tmp_path):
     assert [p.name for p in folder.iterdir()] == ["calibration.000001.yaml"]
     again = Node(folder, given)
     assert again.published.run_ids == ["saved-000001"]
-    assert "its data are not from later" in again.log.lines[-1]
+    assert "is from later data" in again.log.lines[-1]
     again.in_force.replace(calibration(20, window_s=(1.0, 5.0)), "run-1")
     assert Node(folder, given).published.run_ids == ["saved-000002"]
     write_result(calibration(30, window_s=(4.0, 6.0)), given)

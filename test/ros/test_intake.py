@@ -162,7 +162,7 @@ def test_what_the_limits_allow_is_decoded_and_what_is_longer_is_not(intake, buff
     take(data + bytes(100_000), about(2))
     counts = buffers.counts()["cam0"]
     assert (counts.images, counts.dropped) == (1, 1)
-    assert "none has more than" in lines[-1]
+    assert "allow no more than" in lines[-1]
 
 
 def test_a_message_of_millions_of_persons_costs_nothing(intake, buffers):

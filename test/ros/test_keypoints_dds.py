@@ -73,5 +73,5 @@ def assert_fractions_are_said(client: Client, bag: Path) -> None:
         return message
 
     client.play(bag, sent=later)
-    what = "sends on /cam0/person_poses: its keypoints look normalised"
+    what = "sends on /cam0/person_poses: the keypoints look like fractions"
     client.wait(lambda: client.status("camera cam0")["message"].startswith(what), "a complaint")

@@ -95,7 +95,7 @@ def test_without_camera_info_the_size_is_enough_and_no_other_may_come():
     assert camera.recorded.intrinsics.width == 640
     camera.info(width=1280)
     assert camera.counts.dropped == 1
-    assert "is to have 640 x 480 px, but CameraInfo has 1280 x 480" in camera.ear.lines[-1]
+    assert "is given as 640 x 480 px, but CameraInfo says 1280 x 480" in camera.ear.lines[-1]
     camera.info(width=0, height=0, **NO_LENS)
     camera.info(k=K)
     assert (camera.counts.dropped, camera.counts.images) == (1, 40)
@@ -160,7 +160,7 @@ def test_a_driver_gets_the_lens_of_its_sensor():
 def test_a_driver_gets_no_lens_of_another_image():
     assert DriverImage(None, rectified=False).mismatch(FOUND) == ""
     assert DriverImage(None, rectified=False).of_sensor(FOUND) is FOUND
-    assert "640 x 480 px now, those of the calibration 400 x 150" in image().mismatch(FOUND)
+    assert "640 x 480 px now, and had 400 x 150 px when" in image().mismatch(FOUND)
     assert "rectified" in image(width=400, height=150, rectified=True).mismatch(FOUND)
 
 

@@ -102,7 +102,7 @@ def client(folder: Path, scene: Scene) -> Iterator[Client]:
         assert live.stop()[0] == 0
         log = live.log.read_text()
         assert "Traceback" not in log
-        assert log.count("sends on /cam0/camera_info: no lens is known") == 1
+        assert log.count("sends on /cam0/camera_info: the lens is unknown") == 1
     finally:
         live.kill()
         client.close()
@@ -139,7 +139,7 @@ def test_the_watch_sees_through_them(client):
 def test_where_lenses_are_to_be_given_zeros_are_named_with_what_to_do(client):
     for name in CAMERAS:
         status = client.status(f"camera {name}")
-        assert f"sends on /{name}/camera_info: no lens is known" in status["message"]
+        assert f"sends on /{name}/camera_info: the lens is unknown" in status["message"]
         assert "set intrinsics to unknown" in status["message"]
         assert status["dropped"] == "0"
     refused = client.answer(Trigger, "recalibrate_now")

@@ -87,7 +87,7 @@ def test_every_option_has_a_parameter():
         ({"camera.cam0.image_size": [640, -1]}, r"expected \[width, height\]"),
         (
             {"camera.cam0.intrinsics": "unknown", "camera.cam0.field_of_view_deg": 90.0},
-            "a start for intrinsics: refine, not for unknown",
+            "a first guess for intrinsics: refine, not for unknown",
         ),
     ],
 )

@@ -228,7 +228,7 @@ def test_the_subscription_follows_the_publishers_reliability(live, sender):
 
 def test_it_names_what_it_waits_for_and_stops_at_once(live, sender):
     sender.next_diagnostics()
-    said = "nothing has come: nobody publishes on /cam2/image"
+    said = "nothing received: nobody publishes on /cam2/image"
     assert sender.topic("/cam2/image")["message"] == said
     sender.wait(lambda: said in live.log.read_text(), "a warning")
     status, seconds = live.stop(signal.SIGINT)
@@ -301,8 +301,8 @@ TOPIC = RelayedTopic("cam0", "/cam0/image", "", False)
         ([TOPIC, TOPIC], {}, "/cam0/image is given twice"),
         ([TOPIC], {"input_reliability": "often"}, "'often' is none of auto, best_effort, reliable"),
         ([TOPIC], {"output_reliability": "auto"}, "'auto' is none of best_effort, reliable"),
-        ([TOPIC], {"output_prefix": "/"}, "fed by themselves"),
-        ([TOPIC], {"result_topic": ""}, "both are empty"),
+        ([TOPIC], {"output_prefix": "/"}, "relayed to themselves"),
+        ([TOPIC], {"result_topic": ""}, "are both empty"),
     ],
 )
 def test_unusable_settings_say_why(topics, changes, why):

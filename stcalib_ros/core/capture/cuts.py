@@ -71,14 +71,14 @@ def video_cuts(recording: Recording, calibration: Calibration) -> tuple[VideoCut
         known = ", ".join(camera.name for camera in calibration.cameras)
         raise InputError(
             f"two calibrated cameras are needed: the recording has {recorded}, and the calibration "
-            f"{known or 'none'}; cameras go by their names"
+            f"{known or 'none'}; their names have to be the same"
         )
     first_s = max(float(times[0]) for times in times_s.values())
     last_s = min(float(times[-1]) for times in times_s.values())
     if first_s >= last_s:
         raise InputError(
-            f"by their clocks, the last camera begins {first_s - last_s:.1f} s after another one "
-            "has ended: there is no time that all of them recorded"
+            f"there is no time at which all cameras recorded: by their clocks, one begins "
+            f"{first_s - last_s:.1f} s after another one has ended"
         )
     reference = calibration.reference if calibration.reference in times_s else next(iter(times_s))
     start, end = _nearest(times_s[reference], first_s), _nearest(times_s[reference], last_s)

@@ -153,7 +153,7 @@ def _calibrated_cameras(
         recorded = ", ".join(camera.name for camera in recording.cameras)
         raise InputError(
             f"people need two calibrated cameras that see them: the recording has {recorded}, and "
-            f"the calibration {', '.join(poses) or 'none'}; cameras go by their names"
+            f"the calibration {', '.join(poses) or 'none'}; their names have to be the same"
         )
     line_times = {camera.name: poses[camera.name].line_time_s for camera in cameras}
     return with_known_line_times(replace(readable, cameras=cameras), line_times)

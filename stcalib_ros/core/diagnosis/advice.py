@@ -44,30 +44,33 @@ class AdviceCode(str, Enum):
 
 _SENTENCES = {
     AdviceCode.NOBODY_IN_COMMON: (
-        "nobody was recognised in {camera} and another camera: let people walk where both see them"
+        "no person was recognised both in {camera} and in another camera: let people walk where "
+        "both see them"
     ),
     AdviceCode.RECORD_LONGER: (
-        "no two cameras share more than {value:.1f} s of people's motion: record longer, with "
+        "no two cameras see people together for more than {value:.1f} s: record longer, with "
         "people who walk about"
     ),
     AdviceCode.ONE_PARTNER: (
-        "{camera} has people in common with {partner} alone: let them walk where more cameras see "
-        "them"
+        "{camera} sees the same people as {partner}, but as no other camera: let people walk where "
+        "more cameras see them"
     ),
     AdviceCode.SHARE_MORE_MOTION: (
-        "{camera} shares {value:.1f} s of people's motion with {partner}, and with no other camera "
-        "more: let people walk longer where both see them"
+        "{camera} sees people together with {partner} for {value:.1f} s, and with any other camera "
+        "for less: let people walk longer where both see them"
     ),
     AdviceCode.COVER_MORE_IMAGE: (
-        "people cover {value:.0%} of the image of {camera}: let them come nearer, and walk from "
-        "side to side"
+        "people cover only {value:.0%} of the image of {camera}: let them come nearer, and walk "
+        "from side to side"
     ),
     AdviceCode.RECORD_TOGETHER: (
-        "by their stamps, {value:.0%} of the images of {camera} were taken while another camera "
-        "recorded: start all of them before people come in, and look at its clock"
+        "by the timestamps, only {value:.0%} of the images of {camera} were taken while another "
+        "camera recorded: start all cameras before people come in, and check its clock"
     ),
-    AdviceCode.IMAGES_MISSING: "{camera} has no image for {value:.1f} s: look at its driver",
-    AdviceCode.MORE_IMAGES: "{camera} has {value:.1f} images per second: raise its rate",
+    AdviceCode.IMAGES_MISSING: "{camera} has no image for {value:.1f} s: check its driver",
+    AdviceCode.MORE_IMAGES: (
+        "{camera} takes only {value:.1f} images per second: raise its frame rate"
+    ),
 }
 
 

@@ -326,12 +326,12 @@ def remark_sentence(remark: Remark) -> str:
 
 def remark_sentences(remarks: Sequence[Remark]) -> list[str]:
     """Return remarks as sentences; what is remarked on several cameras is one of them."""
-    return gathered([(one.code, *_remark_parts(one)) for one in remarks])
+    return gathered([((one.code, one.detail), *_remark_parts(one)) for one in remarks])
 
 
 def rejection_sentences(rejections: Sequence[Rejection]) -> list[str]:
     """Return rejections as sentences; the same reason of several cameras is one of them."""
-    return gathered([(one.reason, one.cameras, sentence(one)) for one in rejections])
+    return gathered([(_kind(one), one.cameras, sentence(one)) for one in rejections])
 
 
 def left_out_sentences(
@@ -349,13 +349,19 @@ def left_out_sentences(
     return gathered(
         [
             (
-                (why.reason, why.cameras[1:] and why.cameras),
+                (_kind(why), why.cameras[1:] and why.cameras),
                 (name,),
                 (f"{why.reason.value}: " if codes else "") + sentence(why) + _apart(why),
             )
             for name, why in left_out
         ]
     )
+
+
+def _kind(rejection: Rejection) -> tuple[object, ...]:
+    """What rejections have in common that can be said at once; their numbers may differ."""
+    of_one_camera = rejection.reason is _R.LENS_UNKNOWN  # Its detail is the option of the camera.
+    return rejection.reason, rejection.others, "" if of_one_camera else rejection.detail
 
 
 def _apart(rejection: Rejection) -> str:

@@ -7,7 +7,8 @@ from stcalib_ros.core.model.rejection import RemarkCode
 REMARKS = {
     RemarkCode.LEAST_CONSTRAINED_CAMERA: (
         "the least certain camera is {camera}: its rotation is known to {rotation_stddev_deg:.2g} "
-        "degrees, its position to {position_stddev_percent:.2g} % of the distance to the people"
+        "degrees about any axis, its position to {position_stddev_percent:.2g} % of the distance "
+        "to the people in any direction"
     ),
     RemarkCode.SHARE_MORE_VIEW: (
         "{camera} and the other cameras see people together for {shared_s:.1f} s only, where "

@@ -114,8 +114,8 @@ def by_camera_and_image(
         groups.setdefault((*_folders(root, file), prefix), []).append(numbered)
     if len(groups) > _MAX_CAMERAS:
         raise InputError(
-            f"{root}: names of images begin in {len(groups)} ways, so that no camera can be told: "
-            "give each camera a folder, and its images numbers"
+            f"{root}: file names begin in {len(groups)} different ways, too many to be cameras: "
+            "put the files of each camera into a folder, named by image numbers"
         )
     names = _names(root, list(groups))
     return {n: _ordered(root, g) for n, g in zip(names, groups.values(), strict=True)}
@@ -146,7 +146,7 @@ def _ordered(root: Path, group: list[NumberedFile]) -> tuple[NumberedFile, ...]:
     group = sorted(group, key=lambda one: one.image)
     for one, other in pairwise(group):
         if one.image == other.image:
-            raise InputError(f"{root}: {one.path} and {other.path} are of one image")
+            raise InputError(f"{root}: {one.path} and {other.path} are of the same image")
     return tuple(group)
 
 
@@ -167,7 +167,7 @@ def _names(root: Path, keys: Sequence[tuple[str, ...]]) -> list[str]:
     if len(set(names)) < len(keys):
         twice = sorted({name for name in names if names.count(name) > 1})
         raise InputError(
-            f"{root}: two cameras would be named {', '.join(twice)}: give each a folder of its own"
+            f"{root}: two cameras would be called {', '.join(twice)}: give each its own folder"
         )
     return names
 

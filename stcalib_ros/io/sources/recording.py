@@ -101,8 +101,8 @@ def _layout(source: PoseSource, wanted: str | None) -> Layout:
     name = wanted or source.layout or _BY_COUNT.get(count, "")
     if not name:
         raise InputError(
-            f"{source.path} has poses of {count} keypoints, and which ones is not known: name "
-            f"their layout with --layout, one of {', '.join(LAYOUTS)}"
+            f"{source.path} has poses of {count} keypoints, but does not say of which joints: "
+            f"give --layout, one of {', '.join(LAYOUTS)}"
         )
     layout = find_layout(name)
     if count < layout.n_joints or (count > layout.n_joints and wanted):
@@ -119,15 +119,15 @@ def _stamps_ns(path: Path, camera: CameraPoses, options: ConvertOptions) -> IntA
         if len(back := np.flatnonzero(np.diff(stamps) <= 0)):
             image = camera.images[back[0] + 1]
             raise InputError(
-                f"{path}: stamps of {camera.name} do not increase: image {image} has "
-                f"{stamps[back[0] + 1] / NS:.6f} s after {stamps[back[0]] / NS:.6f} s"
+                f"{path}: timestamps of {camera.name} do not increase: image {image} is at "
+                f"{stamps[back[0] + 1] / NS:.6f} s, the one before at {stamps[back[0]] / NS:.6f} s"
             )
         start_ns = options.start_s * NS if stamps[0] < NS * NS else 0
         return np.asarray(stamps + start_ns + shift_ns)
     fps = camera.fps if options.fps is None else options.fps
     if fps is None:
         raise InputError(
-            f"{path} does not say how many images a second were taken: give --fps HZ, or the time "
+            f"{path} does not say the frame rate: give --fps HZ, or the time "
             "of each image with --stamps FILE.csv"
         )
     since_ns = np.round(camera.images * (NS / require_rate(path, fps))).astype(np.int64)
@@ -176,8 +176,8 @@ def _tracks(
     if len(outside) and outside.mean() > MAX_OUTSIDE:
         raise InputError(
             f"{source.path}: {outside.mean():.0%} of the keypoints of {camera.name} are outside of "
-            f"its image of {lens.width} x {lens.height} px, up to {furthest:.0f} px: give "
-            "the size of the images in which they were found with --image-size"
+            f"its image of {lens.width} x {lens.height} px, up to {furthest:.0f} px: with "
+            "--image-size, give the size of the images in which they were detected"
         )
     if furthest > MAX_KEYPOINT_PX:
         raise InputError(

@@ -156,7 +156,7 @@ def test_a_camera_with_one_partner_is_advised_to_have_more(good: Diagnosis) -> N
         (AdviceCode.ONE_PARTNER, ("cam1", "cam0")),
         (AdviceCode.ONE_PARTNER, ("cam2", "cam0")),
     ]
-    assert "cam1 has people in common with cam0 alone" in advice[0].sentence
+    assert "cam1 sees the same people as cam0, but as no other" in advice[0].sentence
 
 
 def test_little_in_common_is_advised_against_once_if_all_have_it(good: Diagnosis) -> None:

@@ -92,7 +92,9 @@ def test_a_lens_that_should_be_known_is_the_fault_of_its_camera(intrinsics: str)
 
 
 def test_where_no_lens_is_known_the_input_is_unusable() -> None:
-    with pytest.raises(InputError, match=r"^cam0, cam1, cam2: no lens .* \(--intrinsics unknown\)"):
+    with pytest.raises(
+        InputError, match=r"^cam0, cam1, cam2: the lens .* \(--intrinsics unknown\)"
+    ):
         screen_input(with_lenses(dict.fromkeys(range(3), UNKNOWN)), Options())
 
 

@@ -40,5 +40,5 @@ def test_a_camera_with_an_absurd_lens_sees_nobody_and_the_others_are_as_they_wer
 
 def test_where_no_lens_can_be_the_input_is_refused_with_every_camera(recording):
     cameras = tuple(map(_with_shares, recording.cameras))
-    with pytest.raises(InputError, match=r"cam0: its principal point \(0.5, 0.5\) .*; cam1: its"):
+    with pytest.raises(InputError, match=r"cam0, cam1, .*: the principal point \(0.5, 0.5\)"):
         screen_input(replace(recording, cameras=cameras), Options())

@@ -74,6 +74,6 @@ def test_the_unit_of_one_camera_does_not_sink_the_others(factor):
     given = replace(recording, cameras=(scaled(factor)(first), *others))
     found = st.calibrate(given, HALF_SECOND)
     assert (found.status.name, found.metric) == ("OK", True)
-    assert "cam0: people would be" in found.message
+    assert "cam0: by the 3D poses, people would be" in found.message
     for one, other in zip(found.cameras, expected.cameras, strict=True):
         np.testing.assert_allclose(one.t_ref_cam, other.t_ref_cam, atol=0.3)

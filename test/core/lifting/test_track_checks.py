@@ -83,7 +83,7 @@ def test_cameras_without_tracks_are_calibrated_and_named(which):
     found = st.calibrate(replace(SCENE.recording, cameras=cameras), HALF_SECOND)
     assert [camera.name for camera in found.cameras] == ["cam0", "cam1", "cam2"]
     assert found.message.count("track ids do not follow people") == 1
-    linked = [one for one in found.remarks if one.code is st.RemarkCode.IDS_LINKED]
+    linked = [one for one in found.remarks if one.code is RemarkCode.IDS_LINKED]
     assert len(linked) == len(which)
     assert error(found, SCENE.truth).E_R < 0.005
 

@@ -224,7 +224,7 @@ PROJECTION = {"given": 0.21, "best": 0.99}
 REMARKS = (
     (
         Remark(C.LEAST_CONSTRAINED_CAMERA, ("a",), LEAST),
-        "camera is a: its rotation is known to 0.11 deg.*, .* to 5 % of the distance to the p.*e$",
+        "camera is a: its rotation is known to 0.11 degrees .* to 5 % of .*n$",
     ),
     (
         Remark(C.LEAST_CONSTRAINED_CAMERA, ("a",), {**LEAST, "offset_stddev_ms": 17.2}),
@@ -378,6 +378,10 @@ def test_the_same_reason_of_several_cameras_is_one_sentence() -> None:
     first, second = rejection_sentences([few, nobody[0], fewer, nobody[1]])
     assert first == f"{labelled(few)}; the same applies to b"
     assert second == f"c, d: {sentence(nobody[0])}"
+    odd = [Rejection(R.UNSPECIFIED, (name,), detail=f"odd {name}") for name in "ab"]
+    assert rejection_sentences(odd) == ["a: odd a", "b: odd b"]
+    lenses = [Rejection(R.LENS_UNKNOWN, (name,), detail=f"{name}=unknown") for name in "ab"]
+    assert rejection_sentences(lenses) == [f"{labelled(lenses[0])}; the same applies to b"]
     pairs = [Rejection(R.IDENTICAL_MOTION, values={"person_a": k, "person_b": 9}) for k in (1, 2)]
     assert rejection_sentences(pairs) == [sentence(one) for one in pairs]
 

@@ -41,9 +41,9 @@ def test_names(tmp_path: Path, files: list[str], expected: dict[str, list[int]])
     ("files", "message"),
     [
         (["a/x.json"], "no number of an image, as in x_000001.json"),
-        (["a/x_1.json", "a/x_01.json"], "are of one image"),
-        (["a b/1.json", "a-b/1.json"], "two cameras would be named a_b"),
-        ([f"{chr(300 + k)}_1.json" for k in range(300)], "begin in 300 ways, so that no camera"),
+        (["a/x_1.json", "a/x_01.json"], "are of the same image"),
+        (["a b/1.json", "a-b/1.json"], "two cameras would be called a_b"),
+        ([f"{chr(300 + k)}_1.json" for k in range(300)], "begin in 300 different ways, too many"),
     ],
 )
 def test_names_that_say_nothing(tmp_path: Path, files: list[str], message: str) -> None:

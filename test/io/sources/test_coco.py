@@ -56,7 +56,10 @@ def test_annotations(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ('[{"image_id": "a.jpg", "keypoints": [1, 2, 3]}]', "its name has no number of an image"),
         ('[{"image_id": "1.jpg", "keypoints": [1, 2]}]', "is not a list of COCO keypoints"),
         ('[{"image_id": "1.jpg", "keypoints": "x"}]', "is not a list of COCO keypoints"),
-        ('[{"image_id": "1.jpg", "keypoints": [1, 2, 3]}]', "poses of 1 keypoints, and which ones"),
+        (
+            '[{"image_id": "1.jpg", "keypoints": [1, 2, 3]}]',
+            "poses of 1 keypoints, but does not say",
+        ),
         ('[{"image_id": "1.jpg", "keypoints": [1, 2, 3], "idx": 1e300}]', "is no number of an im"),
         ('{"images": [], "annotations": [{"image_id": 4, "keypoints": [1]}]}', "KeyError: 4"),
         ('{"images": [], "annotations": []}', "has no poses"),

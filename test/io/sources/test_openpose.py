@@ -122,7 +122,7 @@ def test_cameras_and_images_are_chosen(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "arguments", "message"),
     [
-        (None, [], "does not say how many images a second were taken: give --fps HZ"),
+        (None, [], "does not say the frame rate: give --fps HZ"),
         (None, ["--fps", "30"], "how large the images of cam0 are: give --image-size"),
         (None, ["--fps", "3e4"], "frame rate is 30000.0; give one of"),
         (None, ["--cameras", "cam7"], "has no camera cam7: there are cam0, cam1, cam2"),

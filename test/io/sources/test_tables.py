@@ -73,7 +73,7 @@ def test_units(column: str, value: str, expected: int) -> None:
         ("camera,frame,stamp\na,-1,2", "-1 is no number of an image"),
         (
             "camera,frame,stamp\n" + "\n".join(f"{c},{k},{9 - k}" for c in "ab" for k in range(N)),
-            "stamps of a do not increase: image 1 has 8.000000 s after 9.000000 s",
+            "image 1 is at 8.000000 s, the one before at 9.000000 s",
         ),
     ],
 )
