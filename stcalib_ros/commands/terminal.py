@@ -37,8 +37,8 @@ WIDTH = 100
 """Columns of a terminal. Longer lines of text are broken there. Chosen: the widest table has 98."""
 
 _DEVIATIONS = """\
-+- is one standard deviation in the least certain direction, from the scatter of the keypoints. Errors that all keypoints have in \
-common, as when a pose estimator places hips too high, are not in it."""
++- is one standard deviation in the least certain direction, from the scatter of the keypoints. \
+What all keypoints have in common, as when a pose estimator places hips too high, is not in it."""
 
 _BAR = 24
 """Characters. Width of the progress bar."""
