@@ -12,7 +12,7 @@ ROS := source scripts/activate.sh $(ROS_DISTRO)
 .NOTPARALLEL:
 
 help:
-	@echo "make demo     calibrate four real cameras from a recording, with a picture (no ROS needed)"
+	@echo "make demo     calibrate four real cameras, and a film, with reports and pictures (no ROS needed)"
 	@echo "make level    print the accuracy on simulated scenes and real recordings"
 	@echo "make speed    print CPU seconds, memory and how they grow, beside their targets"
 	@echo "make paper    the paper's experiments, reduced, against the accuracy they had before"
@@ -26,7 +26,7 @@ help:
 demo:
 	@scripts/setup.sh core
 	@OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} MPLCONFIGDIR=$(CURDIR)/.venv/matplotlib \
-		.venv/bin/python -m stcalib_ros.demo $(DEMO_ARGS)
+		.venv/bin/python -m stcalib_ros.demo --film examples/film $(DEMO_ARGS)
 
 level:
 	@scripts/setup.sh core

@@ -9,33 +9,39 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-EXECUTABLES = {"pose_estimator": "estimator_file", "calibrator": "params_file"}
-"""Each with the argument that names its parameters."""
-
 
 def generate_launch_description() -> LaunchDescription:
     """Two nodes, with the parameter files that are asked for or those that are installed."""
     config = [FindPackageShare("stcalib_ros"), "config"]
-    files = [
-        DeclareLaunchArgument(
-            argument,
-            default_value=PathJoinSubstitution([*config, f"{executable}.yaml"]),
-            description=f"Parameters; a copy of config/{executable}.yaml with what you change.",
-        )
-        for executable, argument in EXECUTABLES.items()
-    ]
-    namespace = DeclareLaunchArgument(
-        "namespace", default_value="", description="Namespace of both nodes."
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                "estimator_file",
+                default_value=PathJoinSubstitution([*config, "pose_estimator.yaml"]),
+                description="Of the estimator; a copy of config/pose_estimator.yaml with changes.",
+            ),
+            DeclareLaunchArgument(
+                "params_file",
+                default_value=PathJoinSubstitution([*config, "calibrator.yaml"]),
+                description="Of the calibrator; a copy of config/calibrator.yaml with changes.",
+            ),
+            DeclareLaunchArgument(
+                "namespace",
+                default_value="",
+                description="Namespace of both nodes, and so of their own topics and services.",
+            ),
+            _node("pose_estimator", "estimator_file"),
+            _node("calibrator", "params_file"),
+        ]
     )
-    nodes = [
-        Node(
-            package="stcalib_ros",
-            executable=executable,
-            name=executable,
-            namespace=LaunchConfiguration("namespace"),
-            parameters=[LaunchConfiguration(argument)],
-            output="screen",
-        )
-        for executable, argument in EXECUTABLES.items()
-    ]
-    return LaunchDescription([*files, namespace, *nodes])
+
+
+def _node(executable: str, argument: str) -> Node:
+    return Node(
+        package="stcalib_ros",
+        executable=executable,
+        name=executable,
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[LaunchConfiguration(argument)],
+        output="screen",
+    )

@@ -98,7 +98,7 @@ def check_ros2(words: list[str]) -> None:
         assert re.search(rf'DeclareLaunchArgument\(\s*"{name}"', text)
     elif words[:2] == ["bag", "record"]:  # of rosbag2, which is not here
         assert given_options(words) <= {"-o", "-a"}
-    elif words[2] in ("calibrator", "restamp"):
+    elif words[2] in ("calibrator", "pose_estimator", "restamp"):
         assert words[1:] == [*words[1:3], "--ros-args", "--params-file", f"{words[2]}.yaml"]
     else:
         assert words[:2] == ["run", "stcalib_ros"]

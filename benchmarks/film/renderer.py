@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
 from benchmarks.film.meshes import Mesh, units, vertex_normals
 from benchmarks.film.shaders import FRAGMENT, SHADOW_FRAGMENT, SHADOW_VERTEX, VERTEX
+from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.estimation.poses import UInt8Array
+
+if TYPE_CHECKING:
+    import moderngl
 
 _SHADOW_PX = 1024
 """Pixels. Width of the shadow maps: 1 cm on the floor of a room of 9 m. Chosen."""
@@ -30,11 +34,16 @@ class Renderer:
         At rest.
     size : (int, int)
         Width and height, px.
+
+    Raises
+    ------
+    InputError
+        There is no moderngl, or no OpenGL.
     """
 
     def __init__(self, room: Mesh, people: Sequence[Mesh], size: tuple[int, int]) -> None:
-        self._gl = moderngl.create_standalone_context(backend="egl")
-        self._gl.enable(moderngl.DEPTH_TEST)
+        self._gl = _context()
+        self._gl.enable(self._gl.DEPTH_TEST)
         self._program = self._gl.program(VERTEX, FRAGMENT)
         self._shadow_program = self._gl.program(SHADOW_VERTEX, SHADOW_FRAGMENT)
         self._target = self._gl.framebuffer(
@@ -110,6 +119,19 @@ class Renderer:
         T_cam_world = np.eye(4)
         T_cam_world[:3, :3], T_cam_world[:3, 3] = R_cam_world, t_cam_world
         return np.asarray(projection @ T_cam_world)
+
+
+def _context() -> moderngl.Context:
+    try:
+        import moderngl
+    except ModuleNotFoundError:
+        raise InputError("no moderngl: pip install -r requirements/film.txt") from None
+    try:
+        return moderngl.create_standalone_context(backend="egl")
+    except Exception as error:  # moderngl raises nothing narrower
+        raise InputError(
+            f"no OpenGL without a screen ({error}): apt-get install libegl1 libgl1-mesa-dri"
+        ) from error
 
 
 class _Drawn:

@@ -19,6 +19,8 @@ from stcalib_ros.core.synthetic.skeleton import LAYOUT, N_JOINTS, bones_of, stan
 
 _SMOOTH_S = 0.03
 """Seconds. Standard deviation over which heights of the lowest point of the shoes are smoothed."""
+_OF_FOOT = 0.5
+"""Weight of the bones of a foot from which on a vertex counts as the foot's: most of it."""
 _TOES_UP = 0.6
 """Fraction of the shank's backward lean by which the toes are raised: less, feet land flat."""
 _LOOK = 0.6
@@ -73,11 +75,8 @@ class Walker:
         person: int,
     ) -> None:
         self.figure = figure
-        self._feet = np.flatnonzero(
-            figure.weights[:, [BONE_NAMES.index(f"ball_{s}") for s in "lr"]].sum(axis=1)
-            + figure.weights[:, [BONE_NAMES.index(f"foot_{s}") for s in "lr"]].sum(axis=1)
-            > 0.5
-        )
+        sole = [k for k, name in enumerate(BONE_NAMES) if name.startswith(("ball", "foot"))]
+        self._feet = np.flatnonzero(figure.weights[:, sole].sum(axis=1) > _OF_FOOT)
         local = body.joints(times, paths.travelled[:, person], _lengths(figure))
         heading = paths.heading[:, person]
         turn = np.zeros((len(times), 3))
@@ -153,22 +152,10 @@ class Walker:
                 now = bones[:, LAYOUT.index(f"{side}_{lower}")]
                 put(f"{limb}_{short}", _aligning(R_parent @ units(at_rest), now) @ R_parent)
             put(f"hand_{short}", R[:, BONE_NAMES.index(f"lowerarm_{short}")])
-            foot = self._foot(R[:, BONE_NAMES.index(f"calf_{short}")], ahead)
+            foot = _foot(R[:, BONE_NAMES.index(f"calf_{short}")], ahead)
             put(f"foot_{short}", foot)
             put(f"ball_{short}", foot)
         return R
-
-    def _foot(self, R_world_calf: Float64Array, R_world_ahead: Float64Array) -> Float64Array:
-        """Return the rotation of a foot: as its shank, but with less of the toes up."""
-        forward = R_world_calf[:, :, 0]
-        ahead = R_world_ahead[:, :, 0]
-        level = units(forward * [1, 1, 0] + 1e-6 * ahead)
-        pitch = np.arctan2(forward[:, 2], np.linalg.norm(forward[:, :2], axis=-1))
-        pitch = np.where(pitch > 0, _TOES_UP * pitch, pitch)
-        up = np.array([0.0, 0.0, 1.0])
-        x = np.cos(pitch)[:, None] * level + np.sin(pitch)[:, None] * up
-        y = np.cross(np.broadcast_to(up, level.shape), level)
-        return np.stack([x, y, np.cross(x, y)], axis=-1)
 
 
 def skinned(
@@ -194,11 +181,24 @@ def skinned(
     return np.asarray(turned[..., 0] + moved)
 
 
+def _foot(R_world_calf: Float64Array, R_world_ahead: Float64Array) -> Float64Array:
+    """Return the rotation of a foot: as its shank, but with less of the toes up."""
+    forward = R_world_calf[:, :, 0]
+    ahead = R_world_ahead[:, :, 0]
+    level = units(forward * [1, 1, 0] + 1e-6 * ahead)
+    pitch = np.arctan2(forward[:, 2], np.linalg.norm(forward[:, :2], axis=-1))
+    pitch = np.where(pitch > 0, _TOES_UP * pitch, pitch)
+    up = np.array([0.0, 0.0, 1.0])
+    x = np.cos(pitch)[:, None] * level + np.sin(pitch)[:, None] * up
+    y = np.cross(np.broadcast_to(up, level.shape), level)
+    return np.stack([x, y, np.cross(x, y)], axis=-1)
+
+
 def _lengths(figure: Figure) -> Float64Array:
     """Return bone lengths (17,) of a figure in Human3.6M's order; those of the trunk do not act."""
     lengths = standard_lengths()
     for side in ("left", "right"):
-        for upper, lower in (*_LIMBS.values(),):
+        for upper, lower in _LIMBS.values():
             between = figure.landmarks[f"{side}_{lower}"] - figure.landmarks[f"{side}_{upper}"]
             lengths[LAYOUT.index(f"{side}_{lower}")] = np.linalg.norm(between)
     return lengths

@@ -1,6 +1,6 @@
 """The pose estimator and the calibrator beside each other: images over DDS in, poses out.
 
-    python -m benchmarks.live.estimation                       four cameras, 640 x 480, 10 Hz, noise
+    python -m benchmarks.live.estimation                      four cameras, 640 x 480, 10 Hz, noise
     python -m benchmarks.live.estimation --films a.mp4 b.mp4      images of films, repeated
     python -m benchmarks.live.estimation --hz 30 --rate-hz 10 --estimator blazepose
 

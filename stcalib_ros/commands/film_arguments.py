@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stcalib_ros import __version__
 from stcalib_ros.commands.jobs import count, processes
 from stcalib_ros.core.errors import InputError
 
@@ -41,7 +42,7 @@ def add_film_arguments(parser: argparse._ActionsContainer) -> None:
         type=count,
         metavar="PX",
         help="longer side of the images that the estimator sees: more finds smaller people, and "
-        "takes longer (default: the estimator's own)",
+        "takes longer (default: 512 for movenet and blazepose)",
     )
     parser.add_argument(
         "--models",
@@ -140,7 +141,7 @@ def poses_of_films(
     how = _estimator_text(args)
     options = FilmOptions(args.fps_limit or DEFAULT_HZ, lenses or {}, how, parts)
     name = args.estimator or _DEFAULT_ESTIMATOR
-    make_estimator = partial(load_estimator, name, size=args.input_size, folder=args.models)
+    make_estimator = partial(load_estimator, name, size=_input_size(args), folder=args.models)
     shown = FilmProgressPrinter(
         None if args.quiet else sys.stderr, len(films), verbose=args.verbose
     )
@@ -192,6 +193,7 @@ def origin_of(args: argparse.Namespace, films: Mapping[str, Path]) -> dict[str, 
     from stcalib_ros.io.film_files import film_id
 
     how = {
+        "version": __version__,
         "estimator": _estimator_text(args),
         "fps_limit": f"{args.fps_limit or DEFAULT_HZ:g}",
     }
@@ -218,8 +220,16 @@ def clocks_text(films: Mapping[str, Path]) -> str:
 
 
 def _estimator_text(args: argparse.Namespace) -> str:
-    size = f" {args.input_size} px" if args.input_size else ""
-    return f"{args.estimator or _DEFAULT_ESTIMATOR}{size}"
+    size = _input_size(args)
+    return f"{args.estimator or _DEFAULT_ESTIMATOR}{f' {size} px' if size else ''}"
+
+
+def _input_size(args: argparse.Namespace) -> int | None:
+    """Return the size of the estimator's input; of an unknown one, its loading complains."""
+    from stcalib_ros.estimation.registry import ESTIMATORS
+
+    known = ESTIMATORS.get(args.estimator or _DEFAULT_ESTIMATOR)
+    return args.input_size or (None if known is None else known.film_size)
 
 
 def _rate(text: str) -> float:

@@ -56,6 +56,8 @@ def run(args: argparse.Namespace) -> None:
     from stcalib_ros.io.results import read_result
     from stcalib_ros.report import require_matplotlib
     from stcalib_ros.report.content import content_of_result
+    from stcalib_ros.report.fits import camera_fits
+    from stcalib_ros.report.grade import disagreeing
     from stcalib_ros.report.html import write_report
 
     output = args.output or args.result.with_suffix(".html")
@@ -67,6 +69,8 @@ def run(args: argparse.Namespace) -> None:
     recording = read_bag(args.bag, selection=config.selection, decoder=args.decoder, warn=warn)
     content = content_of_result(recording, calibration, config.options)
     write_report(content, output)
+    if off := disagreeing(camera_fits(content.evidence, [c.name for c in calibration.cameras])):
+        warn(f"{args.bag} does not agree with {args.result} in {', '.join(off)}: see the report")
     written = [output]
     if args.figures is not None:
         from stcalib_ros.report.figures import write_figures

@@ -11,6 +11,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from stcalib_ros.core.bundle.covariance import largest_stddev
 from stcalib_ros.core.errors import one_line
 from stcalib_ros.core.geometry.so3 import rotation_angle
 from stcalib_ros.core.model.arrays import Float64Array
@@ -36,8 +37,8 @@ WIDTH = 100
 """Columns of a terminal. Longer lines of text are broken there. Chosen: the widest table has 98."""
 
 _DEVIATIONS = """\
-+- is one standard deviation, from the scatter of the keypoints. Errors that all keypoints have in \
-common, as when a pose estimator places hips too high, are not in it."""
++- is one standard deviation in the least certain direction, from the scatter of the keypoints. \
+What all keypoints have in common, as when a pose estimator places hips too high, is not in it."""
 
 _BAR = 24
 """Characters. Width of the progress bar."""
@@ -243,10 +244,9 @@ def _camera_row(camera: CameraCalibration, reference: str) -> tuple[str, ...]:
     position = _triple(camera.t_ref_cam, 3, 7)
     looks_along = _triple(camera.R_ref_cam[:, 2], 2, 5)
     turned = f"{float(np.degrees(rotation_angle(camera.R_ref_cam))):.1f} deg"
-    variances = np.maximum(np.diag(camera.covariance), 0.0)
-    if variances.any() or camera.name != reference:
-        position += plus_minus(float(np.sqrt(variances[:3].sum())), 3)
-        turned += plus_minus(float(np.degrees(np.sqrt(variances[3:].sum()))), 2)
+    if camera.covariance.any() or camera.name != reference:
+        position += plus_minus(largest_stddev(camera.covariance[:3, :3]), 3)
+        turned += plus_minus(float(np.degrees(largest_stddev(camera.covariance[3:, 3:]))), 2)
     return (camera.name, position, looks_along, turned, clock_text(camera, reference))
 
 

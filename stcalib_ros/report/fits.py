@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.bundle.observations import Observations
-from stcalib_ros.core.bundle.residuals import residuals_px
+from stcalib_ros.core.bundle.residuals import errors_px, residuals_px
 from stcalib_ros.core.capture.evidence import CaptureEvidence
 from stcalib_ros.core.geometry.lens import project
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.model.recording import Intrinsics
 
-_MOST_SHOWN = 60_000
-"""Keypoints of a camera that are shown; of more, a regular part. Cost alone."""
+_MOST_SHOWN = 4000
+"""People at moments that are shown; of more, a regular part. Cost alone."""
 _WHOLE = 0.7
 """Fraction of the joints. Of a person with more of them in view, the size is measured."""
 
@@ -32,7 +32,7 @@ class KeypointFit:
     n_seen, n_fit : int
         All of them, and those that fit: from which the calibration is made.
     pixels : (M, 2) ndarray
-        Places in the image, px, of those with an error.
+        Places in the image, px, of those with an error; of long recordings, of a regular part.
     residuals : (M, 2) ndarray
         Reprojected joint minus keypoint, px.
     fits : (M,) ndarray of bool
@@ -68,27 +68,27 @@ def camera_fits(evidence: CaptureEvidence | None, names: Sequence[str]) -> tuple
     if evidence is None:
         return ()
     obs, state = evidence.last.observations, evidence.last.state
-    everything, inlier = residuals_px(obs, state)
-    known = state.triangulated()[:, None] & obs.observed & np.isfinite(everything).all(-1)
+    errors = errors_px(obs, state)
+    inlier = state.inlier & np.isfinite(errors)
+    part = np.arange(0, len(obs.person), 1 + len(obs.person) // _MOST_SHOWN)
+    residuals, _ = residuals_px(obs.only(part), state.only(part))
     fits = []
     for name in (name for name in names if name in evidence.names):
         c = evidence.names.index(name)
         lens = evidence.lifted[evidence.last.rig.cameras[c]].intrinsics
-        rows, joints = np.nonzero(known[:, c])
-        errors = np.linalg.norm(everything[:, c][inlier[:, c]], axis=-1)
-        part = slice(None, None, 1 + len(rows) // _MOST_SHOWN)
-        rows, joints = rows[part], joints[part]
+        good = errors[:, c][inlier[:, c]].astype(np.float64)
+        rows, joints = np.nonzero(np.isfinite(errors[part, c]))
         fits.append(
             KeypointFit(
                 name=name,
                 n_seen=int(obs.observed[:, c].sum()),
-                n_fit=int(inlier[:, c].sum()),
-                pixels=_pixels(obs.x[rows, c, joints], lens),
-                residuals=everything[rows, c, joints],
-                fits=inlier[rows, c, joints],
-                rms_px=float(np.sqrt((errors**2).mean())) if len(errors) else float("nan"),
-                median_px=float(np.median(errors)) if len(errors) else float("nan"),
-                person_px=_person_px(obs, c),
+                n_fit=len(good),
+                pixels=_pixels(obs.x[part[rows], c, joints], lens),
+                residuals=residuals[rows, c, joints],
+                fits=inlier[part[rows], c, joints],
+                rms_px=float(np.sqrt((good**2).mean())) if len(good) else float("nan"),
+                median_px=float(np.median(good)) if len(good) else float("nan"),
+                person_px=_person_px(obs.only(part), c),
             )
         )
     return tuple(fits)
@@ -104,7 +104,7 @@ def _pixels(x: Float64Array, lens: Intrinsics | None) -> Float64Array:
 def _person_px(obs: Observations, c: int) -> float:
     """Median extent of the people who are seen whole, px: about their height."""
     seen = obs.observed[:, c]
-    rows = np.flatnonzero(seen.mean(1) > _WHOLE)[:: 1 + len(seen) // _MOST_SHOWN]
+    rows = np.flatnonzero(seen.mean(1) > _WHOLE)
     if not len(rows):
         return float("nan")
     x = np.where(seen[rows][..., None], obs.x[rows, c] * obs.focal[rows, c][..., None], np.nan)

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from stcalib_ros.core.geometry.interpolation import frame_period
-from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.core.model.calibration import Calibration, CameraCalibration, Status
-from stcalib_ros.core.validation.cross_view import usual_distances
+from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.rejection import RemarkCode
+from stcalib_ros.core.model.rejection_text import remark_sentence
 from stcalib_ros.core.validation.thresholds import DEFAULT
 from stcalib_ros.report.clocks import CameraClock
 from stcalib_ros.report.content import ReportContent
 from stcalib_ros.report.fits import KeypointFit
-from stcalib_ros.wording import length_unit
 
 ESTIMATOR = (0.01, 0.03)
 """Fractions of a person's height. Scatter of good pose estimators: keypoints that people mark by
@@ -67,6 +66,17 @@ _REFUSED = {
 }
 
 
+_DISAGREES = (
+    "A camera was moved or its clock was set since the calibration, or the recording is of other "
+    "cameras: calibrate again."
+)
+
+
+def disagreeing(fits: Sequence[KeypointFit]) -> tuple[str, ...]:
+    """Return the cameras of which fewer keypoints fit than a calibration accepts."""
+    return tuple(fit.name for fit in fits if fit.share < DEFAULT.min_inlier_fraction)
+
+
 def grade(
     content: ReportContent, fits: Sequence[KeypointFit], clocks: Sequence[CameraClock]
 ) -> Grade:
@@ -89,6 +99,8 @@ def grade(
     found += [_offsets(clocks), _persons(c)]
     findings = tuple(one for one in found if one is not None)
     weak = sum(not one.good for one in findings)
+    if content.from_result and (off := disagreeing(fits)):
+        return Grade(_disagreement(fits, off), _DISAGREES, False, findings)
     if weak == 0:
         meaning = "Everything that was checked is as it should be."
         return Grade(
@@ -97,6 +109,13 @@ def grade(
     points = "One point is" if weak == 1 else f"{weak} points are"
     meaning = f"The calibration can be used. {points} worth a look, marked with ! below."
     return Grade("Calibrated, with remarks", meaning, True, findings)
+
+
+def _disagreement(fits: Sequence[KeypointFit], off: Sequence[str]) -> str:
+    if len(fits) - len(off) < 2:
+        return "This recording does not agree with the result"
+    verb = "does" if len(off) == 1 else "do"
+    return f"{', '.join(off)} {verb} not agree with the result"
 
 
 def _complete(c: Calibration) -> Checked | None:
@@ -162,70 +181,26 @@ def _even(fits: Sequence[KeypointFit]) -> Checked | None:
 
 
 def _certain(content: ReportContent) -> Checked | None:
-    """Standard deviations of the least certain camera, beside the limits of the checks."""
+    """Say how certain the least certain camera is, as the checks of the calibration found it."""
     c = content.calibration
-    others = [camera for camera in c.cameras if camera.name != c.reference]
-    known = [one for one in others if _is_known(one.covariance)]
-    if not known:
+    code = RemarkCode.LEAST_CONSTRAINED_CAMERA
+    remark = next((one for one in c.remarks if one.code is code), None)
+    if remark is None:
         return None
-    distances = _distances(content)
     periods = {one.name: frame_period(one.stamps) for one in content.recording.cameras}
-    worst = max(known, key=lambda one: _level(one, distances, periods))
-    position, turn = _stddevs(worst)
-    text = (
-        f"The least certain camera is {worst.name}: its position is known to "
-        f"{_length(position, metric=c.metric)}, its rotation to {math.degrees(turn):.2f} degrees"
+    clock_ms = 1e3 * periods.get(remark.cameras[0], math.inf) * DEFAULT.max_offset_stddev_frames
+    level = max(
+        math.radians(remark.values["rotation_stddev_deg"]) / DEFAULT.max_rotation_stddev,
+        remark.values["position_stddev_percent"] / (100.0 * DEFAULT.max_position_stddev),
+        remark.values.get("offset_stddev_ms", 0.0) / clock_ms,
     )
-    if math.isfinite(worst.time_offset_stddev_s):
-        text += f" and its clock to {1e3 * worst.time_offset_stddev_s:.2g} ms"
-    text += " (one standard deviation)"
+    sentence = remark_sentence(remark)
+    text = f"{sentence[:1].upper()}{sentence[1:]} (one standard deviation)"
     if math.isfinite(c.scale_stddev):
-        text += f", while the scale of all lengths is good to {100 * c.scale_stddev:.2g} %"
-    if _level(worst, distances, periods) < NEAR_LIMIT:
+        text += f"; the scale of all lengths is good to {100 * c.scale_stddev:.2g} %"
+    if level < NEAR_LIMIT:
         return Checked(True, f"{text}.")
     return Checked(False, f"{text}. That is near the limit of what is accepted.")
-
-
-def _is_known(covariance: Float64Array) -> bool:
-    """Whether it is a covariance: not that of a truth, or of a result of another program."""
-    return bool(np.isfinite(covariance).all() and covariance.any())
-
-
-def _distances(content: ReportContent) -> dict[str, float]:
-    """Return the usual distance of people from each camera, in the unit of the calibration."""
-    evidence = content.evidence
-    if evidence is None:
-        return {}
-    zero, one = evidence.to_result(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
-    unit = float(np.linalg.norm(one - zero))
-    distances = unit * usual_distances(evidence.last)
-    return dict(zip(evidence.names, distances.tolist(), strict=True))
-
-
-def _stddevs(camera: CameraCalibration) -> tuple[float, float]:
-    variances = np.maximum(np.diag(camera.covariance), 0.0)
-    return float(np.sqrt(variances[:3].sum())), float(np.sqrt(variances[3:].sum()))
-
-
-def _level(
-    camera: CameraCalibration, distances: dict[str, float], periods: dict[str, float]
-) -> float:
-    """Return the largest of the standard deviations over their limits."""
-    position, turn = _stddevs(camera)
-    distance = distances.get(camera.name, math.nan)
-    clock = camera.time_offset_stddev_s / periods.get(camera.name, math.inf)
-    levels = np.array(
-        [
-            turn / DEFAULT.max_rotation_stddev,
-            position / distance / DEFAULT.max_position_stddev,
-            clock / DEFAULT.max_offset_stddev_frames,
-        ]
-    )
-    return float(np.nan_to_num(levels).max())
-
-
-def _length(value: float, *, metric: bool) -> str:
-    return f"{100 * value:.1f} cm" if metric else f"{value:.3f} {length_unit(metric)}"
 
 
 def _offsets(clocks: Sequence[CameraClock]) -> Checked | None:

@@ -80,7 +80,7 @@ def report_html(content: ReportContent) -> str:
 def _verdict(content: ReportContent, verdict: Grade) -> str:
     """Say what the outcome is, and what its numbers mean."""
     c = content.calibration
-    parts = [heading(verdict.title, good=c.status is Status.OK)]
+    parts = [heading(verdict.title, good=verdict.good)]
     if c.cameras:
         parts.append(paragraph(_found(c), lead=True))
     parts.append(paragraph(verdict.meaning))

@@ -81,8 +81,7 @@ def error_histogram(fit: KeypointFit, color: str, limit_px: float) -> str:
     edges = np.linspace(0.0, limit_px, _BINS + 1)
     good, _ = np.histogram(fit.errors[fit.fits], edges)
     rest, _ = np.histogram(np.minimum(fit.errors[~fit.fits], limit_px), edges)
-    x, total = np.repeat(edges, 2)[1:-1], max(fit.n_seen, 1)
-    factor = 100.0 * (fit.n_seen / max(len(fit.fits), 1)) / total
+    x, factor = np.repeat(edges, 2)[1:-1], 100.0 / max(len(fit.fits), 1)
     outer, inner = (np.repeat(n * factor, 2) for n in (good + rest, good))
     top = Axis(0.0, 1.05 * max(float(outer.max(initial=0.0)), 1e-6), "% of the keypoints")
     lines = [Line(x, outer, "#A9B0B7", filled=True), Line(x, inner, color, filled=True)]

@@ -37,10 +37,9 @@ def section(title: str, *parts: str) -> str:
     return f"<section>\n<h2>{escape(title)}</h2>\n{body}\n</section>"
 
 
-def subtitle(text: str, color: str = "") -> str:
+def subtitle(text: str) -> str:
     """Title within a section."""
-    style = f' style="color:{escape(color)}"' if color else ""
-    return f"<h3{style}>{escape(text)}</h3>"
+    return f"<h3>{escape(text)}</h3>"
 
 
 def paragraph(text: str, *, faint: bool = False, lead: bool = False) -> str:

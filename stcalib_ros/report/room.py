@@ -20,7 +20,6 @@ FACE = {
     *("nose", "mouth_left", "mouth_right"),
 }
 """Joints that a figure does without: the head stands for them."""
-_FEET = ("ankle", "heel", "toe", "foot")
 _BLOCK_S = 1.0
 """Seconds. Upright directions of people are averaged over blocks of about a stride, as in core."""
 _MIN_ALIGNED = 3
@@ -72,12 +71,6 @@ class Person:
         """Paths (K, N, 3) of those of the named joints that the layout has."""
         own = self.layout.joint_names
         return np.asarray(self.joints[:, [own.index(name) for name in names if name in own]])
-
-    @property
-    def feet(self) -> Float64Array:
-        """Paths (K, N, 3) of the joints of the feet."""
-        names = self.layout.joint_names
-        return self.of([name for name in names if any(part in name for part in _FEET)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -64,10 +64,12 @@ def scene_section(content: ReportContent, room: Room) -> str:
     data = scene_data(content, room)
     step = "1 m" if content.calibration.metric else "half the distance of the first two cameras"
     text = f"Drag to turn, pinch or scroll to zoom. A square of the floor is {step}."
+    text += " Ellipsoids: uncertainty of positions"
+    if content.calibration.frame_id:
+        text += ", with that of the vertical"
     if data["enlarged"] > 1:
-        text += f" Ellipsoids: uncertainty of positions, {data['enlarged']} times enlarged."
-    else:
-        text += " Ellipsoids: uncertainty of positions."
+        text += f", {data['enlarged']} times enlarged"
+    text += "."
     if data["true_cameras"]:
         text += " Thin outlines: the true cameras, after alignment."
     length = f"{data['length_s']:.6g}"

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stcalib_ros.core.bundle.covariance import largest_stddev
 from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.geometry.so3 import quaternion_from_matrix, rotation_angle
 from stcalib_ros.core.model.calibration import (
@@ -63,12 +64,13 @@ def cameras(c: Calibration, fits: Sequence[KeypointFit]) -> str:
 
 
 def _camera(camera: CameraCalibration, fit: KeypointFit | None, reference: str) -> tuple[str, ...]:
-    stddevs = np.sqrt(np.maximum(np.diag(camera.covariance), 0.0))
+    position_stddev = largest_stddev(camera.covariance[:3, :3])
+    turn_stddev = np.degrees(largest_stddev(camera.covariance[3:, 3:]))
     position, angle = ", ".join(decimals(camera.t_ref_cam, 3)), rotation_angle(camera.R_ref_cam)
     turned = f"{np.degrees(angle):.1f}°"
     if camera.name != reference:
-        position += plus_minus(float(np.linalg.norm(stddevs[:3])), 3, _PLUS_MINUS)
-        turned += plus_minus(float(np.degrees(np.linalg.norm(stddevs[3:]))), 2, _PLUS_MINUS)
+        position += plus_minus(position_stddev, 3, _PLUS_MINUS)
+        turned += plus_minus(float(turn_stddev), 2, _PLUS_MINUS)
     return (
         camera.name,
         position,
@@ -95,8 +97,9 @@ def directions(c: Calibration) -> tuple[str, str]:
         ),
         paragraph(
             f"Add an offset to the stamps of a camera to have the clock of {c.reference}: t_ref = "
-            f"t_cam + offset. ± is one standard deviation, from the scatter of the observations; "
-            f"errors that all people have in common are not in it, nor is that of the scale."
+            "t_cam + offset. ± is one standard deviation, in the least certain direction. It comes "
+            "from the scatter of the keypoints: errors that all of them have in common are not in "
+            "it, nor is that of the scale."
         ),
     )
 

@@ -121,21 +121,22 @@ GRID_COLUMNS, GRID_ROWS = 8, 6
 """Cells of an image, count, of which is shown whether the window has seen people there: squares of
 an image of 4:3, and of 60 px where it has 640 x 480, about a head at 3 m. Chosen."""
 
-SHOWN_HZ = 10.0
+SHOWN_HZ = 5.0
 """Hertz. People move this often in RViz and Foxglove, and in so many images a second it is shown
-which keypoints are theirs: smooth enough to follow a walk. Chosen."""
+which keypoints are theirs. Enough to follow a walk; of 4 cameras and 3 people, each message takes
+10 ms of CPU. Chosen."""
 
-SIGHT_S = 1.5
-"""Seconds of stamps. People are triangulated from so much at a time: about a slot of the
+SIGHT_S = 2.0
+"""Seconds of stamps. People are triangulated from so much at a time: at least a slot of the
 association (1.7 s), which compares whole strides. Chosen."""
 
-SIGHT_EVERY_S = 0.5
-"""Seconds of stamps. From one such look to the next; with `SIGHT_S`, two thirds of each are known
-from the one before, so that people keep their numbers. Chosen: 4 cameras and 3 people take 0.15 s
-of CPU a look, while somebody has subscribed."""
+SIGHT_EVERY_S = 1.0
+"""Seconds of stamps. From one such look to the next; with `SIGHT_S`, half of each is known from the
+one before, so that people keep their numbers. Chosen: 4 cameras and 3 people take 0.1 s of CPU a
+look, while somebody has subscribed, for which messages have to wait."""
 
-MAX_DELAY_S = 1.5
-"""Seconds. People are shown no later than this behind the newest look. Chosen: three looks."""
+MAX_DELAY_S = 2.0
+"""Seconds. People are shown no later than this behind the newest look. Chosen: two looks."""
 
 SAME_PERSON = 0.3
 """Fraction of the extent of a body, half a metre. People of two looks whose joints are nearer at
@@ -158,8 +159,13 @@ MAX_MISSED_WIDTH = 0.05
 (median) from where somebody in 3D projects to are not that person. Chosen: above the errors of a
 camera that has moved a little, whose residuals are to be seen."""
 
+HOLD_S = 0.5
+"""Seconds. So long before and after the part of a look in which a person is triangulated they stay
+where they were: the filters at its ends leave out some samples, and the next look has them. Chosen:
+half of `SIGHT_EVERY_S`."""
+
 GONE_S = 1.0
-"""Seconds. Lifetime of what moves: it disappears that long after the last message. Chosen: ten
+"""Seconds. Lifetime of what moves: it disappears that long after the last message. Chosen: five
 periods of `SHOWN_HZ`."""
 
 # The watch --------------------------------------------------------------------------------------

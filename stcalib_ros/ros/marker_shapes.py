@@ -111,5 +111,5 @@ def _color(color: Color) -> ColorRGBA:
 
 
 def _with_points(marker: Marker, points: Float64Array) -> Marker:
-    marker.points = [point(p) for p in points]
+    marker.points = [Point(x=x, y=y, z=z) for x, y, z in np.asarray(points, float).tolist()]
     return marker

@@ -294,14 +294,14 @@ class Calibrator:
         )
 
     def _report(self, verdict: Verdict) -> None:
-        say, line = self.log.info, verdict.sentence()
-        if verdict.state.changed:
-            say, line = self.log.error, changed_line(verdict, again=self.settings.auto_recalibrate)
+        if not verdict.state.alarm:
+            self.log.info(verdict.sentence())
+        elif not verdict.state.changed:
+            self.log.warning(verdict.sentence())
+        else:
+            self.log.error(changed_line(verdict, again=self.settings.auto_recalibrate))
             if self.settings.auto_recalibrate:
                 self._trigger = Trigger()
-        elif verdict.state.alarm:
-            say = self.log.warning
-        say(line)
 
     def _consider(self) -> None:
         """Calibrate unasked, if enough was seen since something happened."""

@@ -88,7 +88,7 @@ def people_markers(
         the numbers of people; and ``residuals``, ids by the order of the cameras: the keypoints in
         the images, green where they agree with the people in 3D.
     """
-    there = [(person, person.at(time_s)) for person in sight.people]
+    there = [(person, person.shown_at(time_s)) for person in sight.people]
     markers = [m for p, joints in there for m in _person(p, joints, time_s, up, pen)]
     usual = max(calibration.reprojection_rms_px, _USUAL_PX)
     for number, camera in enumerate(calibration.cameras):

@@ -19,7 +19,7 @@ from stcalib_ros.core.options import Options
 from stcalib_ros.io.assemble import CameraImages, assemble_recording
 from stcalib_ros.io.messages import NS, PoseImage
 from stcalib_ros.io.stamps import SAME_CLOCK, ClockCorrection
-from stcalib_ros.ros.limits import SAME_PERSON, SHOWN_HZ, TRACK_MEMORY_S
+from stcalib_ros.ros.limits import HOLD_S, SAME_PERSON, SHOWN_HZ, TRACK_MEMORY_S
 from stcalib_ros.ros.recognition import SeenImage, recognise
 
 _LEAST_STEP_NS = round(0.75 / RATE_HZ * NS)
@@ -41,7 +41,7 @@ class SeenPerson:
     layout : Layout
         Names and parents of the J joints.
     times_s : (K,) ndarray
-        Uniform, seconds since the Unix epoch, reference clock.
+        Uniform, seconds since the Unix epoch, reference clock; something is known at both ends.
     joints_ref : (K, J, 3) ndarray
         In the frame and unit of the calibration; NaN where unknown.
     """
@@ -61,6 +61,12 @@ class SeenPerson:
         a, b = self.joints_ref[before], self.joints_ref[min(before + 1, last)]
         part = place - before
         return np.asarray(a if part == 0.0 else b if part == 1.0 else (1.0 - part) * a + part * b)
+
+    def shown_at(self, time_s: float) -> Float64Array:
+        """Return the joints (J, 3); up to `HOLD_S` beyond an end those of the end."""
+        first_s, last_s = float(self.times_s[0]), float(self.times_s[-1])
+        held_s = min(max(time_s, first_s), last_s)
+        return self.at(held_s if abs(held_s - time_s) <= HOLD_S else time_s)
 
     @property
     def size(self) -> float:
@@ -175,7 +181,14 @@ def _captured(
     except InputError:  # nobody is there, or in one camera alone; the diagnostics say the rest
         return []
     epoch_s = recording.epoch_ns / NS
-    return [SeenPerson(n, p.layout, p.times_s + epoch_s, p.joints_ref) for n, p in enumerate(found)]
+    people: list[SeenPerson] = []
+    for person in found:
+        known = np.flatnonzero(np.isfinite(person.joints_ref).all(-1).any(-1))
+        if len(known):
+            part = slice(known[0], known[-1] + 1)
+            times_s, joints = person.times_s[part] + epoch_s, person.joints_ref[part]
+            people.append(SeenPerson(len(people), person.layout, times_s, joints))
+    return people
 
 
 def _seen(

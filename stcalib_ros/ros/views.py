@@ -31,9 +31,9 @@ from stcalib_ros.ros.sightings import SeenPerson
 from stcalib_ros.ros.view_frame import view_before, view_by_cameras, view_by_people
 
 _KEPT_MESSAGES = 10
-"""Messages of markers that wait for a subscriber who is slow: a second of people."""
+"""Messages of markers that wait for a subscriber who is slow: two seconds of people."""
 
-_TICKS_A_LOOK = 3
+_TICKS_A_LOOK = 2
 """Ticks of `SHOWN_HZ`, count, after which it is seen whether there is enough for the next look:
 copying the lists of images takes a millisecond or two with 12 cameras."""
 

@@ -61,3 +61,19 @@ def test_rviz_is_started_on_request_with_the_topics_of_the_namespace(launch, roo
         top, namespace, name = there.args[0]
         assert (top, namespace.args, f"/{name}") == ("/", ("namespace",), topic)
     assert len(viewer.remappings) == shown.count("Value: /calibrator/")
+
+
+def test_from_cameras_starts_the_estimator_and_the_calibrator(launch, root):
+    file = runpy.run_path(str(root / "launch/from_cameras.launch.py"))
+    (actions,) = file["generate_launch_description"]().args
+    nodes = [a for a in actions if a.kind == "Node"]
+    assert [node.executable for node in nodes] == ["pose_estimator", "calibrator"]
+    defaults = {a.args[0]: a.default_value for a in actions if a.kind == "DeclareLaunchArgument"}
+    used = {p.args[0] for node in nodes for p in (*node.parameters, node.namespace)}
+    assert used == set(defaults)
+    for node in nodes:
+        (parameters,) = node.parameters
+        installed = defaults[parameters.args[0]]
+        assert "/".join(installed.args[0][1:]) == f"config/{node.executable}.yaml"
+        assert (root / f"config/{node.executable}.yaml").is_file()
+        assert (root / "bin" / node.executable).is_file()

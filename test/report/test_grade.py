@@ -8,12 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from stcalib_ros.core.geometry.so3 import exp_so3
 from stcalib_ros.core.model.calibration import Status
+from stcalib_ros.core.model.rejection import RemarkCode
 from stcalib_ros.core.options import Options
 from stcalib_ros.report.clocks import CameraClock, camera_clocks
-from stcalib_ros.report.content import ReportContent
+from stcalib_ros.report.content import ReportContent, content_of_result
 from stcalib_ros.report.fits import KeypointFit, camera_fits
-from stcalib_ros.report.grade import Grade, grade
+from stcalib_ros.report.grade import Grade, disagreeing, grade
 
 NAMES = ["cam0", "cam1", "cam2"]
 
@@ -69,14 +71,23 @@ def test_one_camera_that_is_worse_is_named(
     assert "50% fit" in text
 
 
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"rotation_stddev_deg": 0.6},
+        {"position_stddev_percent": 6.0},
+        {"offset_stddev_ms": 20.0},
+    ],
+)
 def test_an_uncertain_camera_is_named(
-    report_content: ReportContent, fits: Sequence[KeypointFit]
+    report_content: ReportContent, fits: Sequence[KeypointFit], values: dict[str, float]
 ) -> None:
-    *others, last = report_content.calibration.cameras
-    loose = dataclasses.replace(last, covariance=last.covariance + 1e-4 * np.eye(6))
-    content = with_changes(report_content, cameras=(*others, loose))
+    least, *others = report_content.calibration.remarks
+    assert least.code is RemarkCode.LEAST_CONSTRAINED_CAMERA
+    loose = dataclasses.replace(least, values=least.values | values)
+    content = with_changes(report_content, remarks=(loose, *others))
     (text,) = weak(grade(content, fits, ()))
-    assert text.startswith("The least certain camera is cam2")
+    assert text.startswith("The least certain camera is cam")
     assert "near the limit" in text
 
 
@@ -99,6 +110,34 @@ def test_the_valley_of_an_offset_is_at_the_offset(clocks: Sequence[CameraClock])
         assert np.nanmin(clock.error) == pytest.approx(1.0)
         assert np.all(np.diff(clock.difference_s) > 0)
         assert np.abs(clock.change_s).max() < 0.02
+
+
+def test_a_recording_after_a_camera_was_moved(report_content: ReportContent) -> None:
+    *others, last = report_content.calibration.cameras
+    turned = dataclasses.replace(last, R_ref_cam=last.R_ref_cam @ exp_so3(np.array([0, 0.1, 0])))
+    calibration = dataclasses.replace(report_content.calibration, cameras=(*others, turned))
+    content = content_of_result(report_content.recording, calibration)
+    found = grade(content, camera_fits(content.evidence, NAMES), ())
+    assert not found.good
+    assert "not agree with the result" in found.title
+
+
+def test_one_camera_that_does_not_agree(
+    report_content: ReportContent, fits: Sequence[KeypointFit]
+) -> None:
+    off = dataclasses.replace(fits[2], n_fit=fits[2].n_seen // 3)
+    content = dataclasses.replace(report_content, from_result=True)
+    assert disagreeing([*fits[:2], off]) == ("cam2",)
+    found = grade(content, [*fits[:2], off], ())
+    assert found.title == "cam2 does not agree with the result"
+
+
+def test_another_recording(report_content: ReportContent, fits: Sequence[KeypointFit]) -> None:
+    none = [dataclasses.replace(fit, n_fit=fit.n_seen // 10) for fit in fits]
+    content = dataclasses.replace(report_content, from_result=True)
+    found = grade(content, none, ())
+    assert found.title == "This recording does not agree with the result"
+    assert "calibrate again" in found.meaning
 
 
 @pytest.mark.parametrize("status", [one for one in Status if one is not Status.OK])

@@ -119,3 +119,19 @@ def test_a_bag_of_other_cameras(
     (line,) = capsys.readouterr().err.splitlines()
     assert "the recording has xcam0, xcam1, xcam2" in line
     assert not output.exists()
+
+
+def test_a_bag_that_does_not_agree(
+    finished: Path,
+    tmp_path: Path,
+    report_content: ReportContent,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    first, *others = report_content.calibration.cameras
+    shifted = [dataclasses.replace(c, time_offset_s=c.time_offset_s + 1.0) for c in others]
+    other = dataclasses.replace(report_content.calibration, cameras=(first, *shifted))
+    write_result(other, tmp_path / "other.yaml")
+    bag = str(finished / "bag.mcap")
+    assert main(["report", str(tmp_path / "other.yaml"), bag, "-o", str(tmp_path / "a.html")]) == 0
+    assert "does not agree with" in capsys.readouterr().err
+    assert "not agree with the result</h1>" in (tmp_path / "a.html").read_text()

@@ -75,3 +75,47 @@ def test_a_name_that_can_be_in_no_topic_costs_only_that_topic(client):
     named = replace(named, cameras=estimated)
     publishers.publish(named, calibration_result(named, run_id="", stamp=STAMP))
     client.wait(lambda: len(second) == 1, "the lens of another camera")
+
+
+class Frames:
+    """In place of the publisher of /tf_static: tf2_msgs has no wheel."""
+
+    def __init__(self) -> None:
+        self.sent: list[list[Any]] = []
+
+    def publish(self, transforms: list[Any]) -> None:
+        self.sent.append(transforms)
+
+
+def of(frames: list[Any]) -> set[tuple[str, str]]:
+    return {(frame.header.frame_id, frame.child_frame_id) for frame in frames}
+
+
+def test_the_frame_to_look_from_is_sent_with_all_others_and_only_when_it_changes(client):
+    frames, view = Frames(), np.eye(4)
+    publishers = Publishers(client.node, Settings(publish_tf=True))
+    publishers._tf = (lambda transforms: transforms), frames
+    publish(publishers)
+    cameras = of(frames.sent[-1])
+    publishers.show_view("view", "cam1_optical_frame", view)
+    assert of(frames.sent[-1]) == cameras | {("cam1_optical_frame", "view")}
+    publishers.show_view("view", "cam1_optical_frame", view)
+    assert len(frames.sent) == 2
+    view[2, 3] = 1.5
+    publishers.show_view("view", "cam1_optical_frame", view)
+    (shown,) = (f for f in frames.sent[-1] if f.child_frame_id == "view")
+    assert (len(frames.sent), shown.transform.translation.z) == (3, 1.5)
+    publish(publishers)
+    assert of(frames.sent[-1]) == cameras | {("cam1_optical_frame", "view")}
+    publishers.show_view("", "cam1_optical_frame", np.eye(4))
+    assert len(frames.sent) == 4, "without a name there is none"
+
+
+def test_the_frame_to_look_from_needs_neither_metres_nor_the_frames_of_cameras(client):
+    for settings in (Settings(publish_tf=False), Settings(publish_tf=True)):
+        frames, publishers = Frames(), Publishers(client.node, settings)
+        publishers._tf = (lambda transforms: transforms), frames
+        unscaled = replace(CALIBRATION, metric=False)
+        publishers.publish(unscaled, calibration_result(unscaled, run_id="", stamp=STAMP))
+        publishers.show_view("view", "cam1_optical_frame", np.eye(4))
+        assert [of(sent) for sent in frames.sent] == [{("cam1_optical_frame", "view")}]

@@ -102,6 +102,9 @@ def test_joints_are_between_their_samples_and_unknown_beyond(sightings):
     assert np.isfinite(person.at(10.0)[3]).all()
     assert np.isnan(person.at(11.01)).all()
     assert np.isnan(person.at(9.99)).all()
+    assert np.allclose(person.shown_at(11.2)[0], 1.0), "held for a moment"
+    assert np.allclose(person.shown_at(9.8)[0], 0.0)
+    assert np.isnan(person.shown_at(11.6)).all()
 
 
 class Played:
@@ -139,7 +142,7 @@ def test_time_passes_as_it_does_within_what_was_seen(scene, windows):
     assert played.lookout.time_to_show_s() == pytest.approx(sight.end_s)
     assert played.lookout.time_to_show_s() is None, "nothing is new"
     assert played.look(2.6) is sight, "too little is new for another look"
-    assert played.look(3.5).end_s > sight.end_s
+    assert played.look(3.8).end_s > sight.end_s
     assert played.lines == []
 
 

@@ -20,6 +20,8 @@ from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker, MarkerArray
 
 from stcalib_ros.core.synthetic import SceneOptions, simulate
+from stcalib_ros.ros.diagnostics import camera_status
+from stcalib_ros.ros.driver_lenses import OFF
 from stcalib_ros.ros.node import Calibrator
 
 ROOT = Path(__file__).parents[2]
@@ -119,6 +121,12 @@ def test_nothing_is_drawn_until_somebody_looks_and_what_was_seen_is_known_all_th
     views.refresh(calibrator.settings, counts, {})
     assert views.coverage["cam0"].share > 0.2
     assert views.coverage["cam0"].missing == "7 s more of people whom another camera sees, too"
+    camera = calibrator.settings.cameras[0]
+    given = ("calibrator", camera, counts["cam0"], "", None, OFF, views.coverage["cam0"])
+    values = {pair.key: pair.value for pair in camera_status(*given).values}
+    assert values["shared_with"] == "cam1: 3 s"
+    assert values["image_covered"] == f"{views.coverage['cam0'].share:.2f}"
+    assert values["needs"] == views.coverage["cam0"].missing
     drawn: list[MarkerArray] = []
     node.create_subscription(MarkerArray, "~/coverage_markers", drawn.append, 10)
     executor = SingleThreadedExecutor(context=node.context)

@@ -277,7 +277,7 @@ def _rig_errors(
     persons = tuple(
         PersonAssociation(person, tracks, float("nan"))
         for person in range(association.n_persons)
-        if len(tracks := tracks_of(cameras, rig, association, person)) >= 2
+        if len(tracks := tracks_of(cameras, rig, association, (person,))) >= 2
     )
     found = evaluate(_calibration(cameras, rig, persons, truth), truth, fps=fps)
     names = [cameras[c].name for c in rig.cameras]

@@ -38,3 +38,21 @@ usual detector (3 px), so that its errors and biases do not matter and other peo
 PERSON_SCALE_RATIO = 4.0
 """The same scale for the choice of persons, as a multiple: poses are still inexact then, and
 persons are further from each other than 48 px in most images."""
+
+MAX_SAME_DISTANCE = 0.12
+"""Extents of a body. Two persons who are closer than this are at one place. Between what pose
+estimators and calibration leave (0.06 on the film in examples/film) and two people who touch
+(about 0.2). Chosen."""
+
+MIN_SAME_FRACTION = 0.8
+"""Fraction of the time bins in which two persons are both known, in which they have to be at one
+place to be the same. The rest allows for tracks that go over to somebody else. Chosen."""
+
+MIN_SAME_BINS = 3
+"""Time bins, count, in which two persons have to be at one place, to be taken for the same. On the
+film in examples/film, a person who was split where two trackers lost them has 4. Chosen."""
+
+MAX_SEEN_BOTH_FRACTION = 0.5
+"""Fraction of the time bins in which two persons are both known, in which a camera may see both: a
+tracker may give somebody two ids for a moment (1 of those 4). Two people who are close to each
+other are seen by most cameras as two. Chosen."""

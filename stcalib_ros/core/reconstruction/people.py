@@ -17,43 +17,45 @@ from stcalib_ros.core.model.lifted import LiftedCamera, LiftedTrack
 from stcalib_ros.core.model.rig import Rig
 from stcalib_ros.core.model.skeleton import Skeleton
 from stcalib_ros.core.reconstruction.limits import MAX_PEOPLE, MIN_TRACK_FRACTION, WIDEST_VIEW
+from stcalib_ros.core.reconstruction.same_people import same_people
 from stcalib_ros.core.registration.resampling import GridTracks, tracks_on_grid
 
 
 def found_persons(
     cameras: Sequence[LiftedCamera], last: Iteration
-) -> tuple[tuple[int, PersonAssociation], ...]:
+) -> tuple[tuple[tuple[int, ...], PersonAssociation], ...]:
     """Return the persons that at least two cameras observe, those with most inliers first.
 
-    Each is preceded by its number in the observations of the iteration.
+    Each is preceded by its numbers in the observations of the iteration, more than one where
+    somebody was split.
     """
     obs, association = last.observations, last.association
     errors = errors_px(obs, last.state)
     good = last.state.inlier & np.isfinite(errors)
     found = []
-    for person in np.unique(obs.person).tolist():
-        rows = obs.person == person
-        tracks = tracks_of(cameras, last.rig, association, person)
+    for numbers in same_people(last):
+        rows = np.isin(obs.person, numbers)
+        tracks = tracks_of(cameras, last.rig, association, numbers)
         e = errors[rows][good[rows]]
         if len(tracks) >= 2 and len(e):
             rms = float(np.sqrt((e**2).mean()))
-            margin = association.margins.get(person, float("inf"))
-            found.append((len(e), person, tracks, rms, margin))
+            margin = min(association.margins.get(one, float("inf")) for one in numbers)
+            found.append((len(e), numbers, tracks, rms, margin))
     found.sort(key=lambda f: -f[0])
     return tuple(
-        (person, PersonAssociation(i, tracks, rms, margin))
-        for i, (_, person, tracks, rms, margin) in enumerate(found)
+        (numbers, PersonAssociation(i, tracks, rms, margin))
+        for i, (_, numbers, tracks, rms, margin) in enumerate(found)
     )
 
 
 def tracks_of(
-    cameras: Sequence[LiftedCamera], rig: Rig, association: Association, person: int
+    cameras: Sequence[LiftedCamera], rig: Rig, association: Association, numbers: Sequence[int]
 ) -> dict[str, tuple[int, ...]]:
-    """Return the tracks, by camera, that show this person for a good part of their time."""
+    """Return the tracks, by camera, that show a person for a good part of their time."""
     tracks = {}
     for i, c in enumerate(rig.cameras):
         slots = association.person_of[i]
-        fraction = (slots == person).sum(1) / np.maximum((slots >= 0).sum(1), 1)
+        fraction = np.isin(slots, numbers).sum(1) / np.maximum((slots >= 0).sum(1), 1)
         if ids := tuple(
             cameras[c].tracks[p].track_id for p in np.flatnonzero(fraction >= MIN_TRACK_FRACTION)
         ):
@@ -136,9 +138,18 @@ def _longest_paths(last: Iteration) -> list[tuple[slice, Float64Array]]:
 
 
 def joint_path(last: Iteration, rows: IntArray) -> Float64Array:
-    """Return the joints (K, J, 3) of the rows of one person, uniform in time."""
+    """Return the joints (K, J, 3) of the rows of one person, uniform in time.
+
+    The rows are in the order of time. Of two at one time, each joint is that of the one which more
+    cameras see.
+    """
     bins = last.observations.time_bin[rows] - last.observations.time_bin[rows[0]]
-    known: BoolArray = last.state.inlier[rows].sum(1) >= 2
-    joints = np.full((int(bins[-1]) + 1, *last.state.X.shape[1:]), np.nan)
-    joints[bins] = np.where(known[..., None], last.state.X[rows], np.nan)
+    views = last.state.inlier[rows].sum(1)
+    known: BoolArray = views >= 2
+    X = np.where(known[..., None], last.state.X[rows], np.nan)
+    joints = np.full((int(bins[-1]) + 1, *X.shape[1:]), np.nan)
+    most = np.zeros(joints.shape[:2], dtype=np.int64)
+    for k, time_bin in enumerate(bins.tolist()):
+        better = views[k] > most[time_bin]
+        joints[time_bin][better], most[time_bin][better] = X[k][better], views[k][better]
     return joints

@@ -83,11 +83,10 @@ def reconstruct(
 
 
 def person_rows(cameras: Sequence[LiftedCamera], last: Iteration) -> tuple[IntArray, ...]:
-    """Return the rows of the observations that belong to each person of the calibration."""
-    return tuple(
-        np.flatnonzero(last.observations.person == number)
-        for number, _ in found_persons(cameras, last)
-    )
+    """Return the rows of the observations of each person of the calibration, in order of time."""
+    obs = last.observations
+    rows = [np.flatnonzero(np.isin(obs.person, own)) for own, _ in found_persons(cameras, last)]
+    return tuple(own[np.argsort(obs.time_bin[own], kind="stable")] for own in rows)
 
 
 def bones(layout: Layout) -> tuple[tuple[int, int], ...]:

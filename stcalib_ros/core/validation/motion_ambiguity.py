@@ -76,7 +76,8 @@ def find_ambiguity(
     """
     step_s = last.observations.step_s
     people, numbers = people_on_grid(skeleton, last)
-    ids = {number: person.person_id for number, person in found_persons(cameras, last)}
+    found = found_persons(cameras, last)
+    ids = {number: person.person_id for numbers, person in found for number in numbers}
     known = [i for i, number in enumerate(numbers) if number in ids]
     if not known:
         return Ambiguity()
@@ -91,6 +92,7 @@ def find_ambiguity(
             for i, j in combinations(known, 2)
             if at_same_time[i, j] > MIN_POSE_SIMILARITY
             for pair in [(ids[numbers[i]], ids[numbers[j]])]
+            if pair[0] != pair[1]
         ),
         is_collinear(last),
     )

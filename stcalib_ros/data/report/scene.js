@@ -231,7 +231,7 @@
       const covers = function (other) {
         return Math.abs(other.x - x) < other.reach + reach && Math.abs(other.y - y) < LINE;
       };
-      for (let k = 0; k < 6 && placed.some(covers); k++) y -= 5;
+      for (let k = 0; k < 14 && placed.some(covers); k++) y -= 5;
       placed.push({ x: x, y: y, reach: reach });
       one.element.style.transform =
         "translate(-50%, -50%) translate(" + x.toFixed(1) + "px," + y.toFixed(1) + "px)";
