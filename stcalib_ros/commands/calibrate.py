@@ -32,11 +32,11 @@ Find where cameras are, how their clocks differ and who is who, from the people 
 The bag holds for every camera
   /<camera>/person_poses  stcalib_ros/msg/PersonPose3DArray
   /<camera>/camera_info   sensor_msgs/msg/CameraInfo
-or poses as yolo_ros, ZED, Azure Kinect or ROS4HRI publish them. Of films, one of each camera,
+or poses as yolo_ros, ZED, Azure Kinect or ROS4HRI publish them. With films, one per camera,
 
   stcalib calibrate cam0.mp4 cam1.mp4 cam2.mp4 --output walk.yaml --intrinsics lenses.yaml
 
-the bag is made first, as `stcalib estimate` does it: walk.mcap, which further runs use.
+a bag is made first, as by `stcalib estimate`: walk.mcap, which further runs use.
 
 Poses in OUT.yaml are T_ref_cam: the camera in the frame of the reference camera. Add the offset of
 a camera to its timestamps to have the reference clock: t_ref = t_cam + time_offset_s. With a
@@ -45,7 +45,7 @@ trusted, OUT.yaml is not written; what was found is in OUT.rejected.yaml, only t
 """
 
 _CONFIG_HELP = """\
-YAML file with options by name (offset_range_s: 1.0), cameras in their order
+YAML file with options by name (offset_range_s: 1.0), the cameras and their order
 (cameras: [cam0, cam1]), topics and frames that differ from the above
 (camera: {cam0: {pose_topic: /a, info_topic: /b, frame: c, line_time_s: 15.0e-6}}), and lenses
 (camera: {cam0: {intrinsics: refine, lens_group: gopro, field_of_view_deg: 90}})"""

@@ -12,6 +12,7 @@ from stcalib_ros.commands.terminal import table
 from stcalib_ros.core.diagnosis.advice import advise
 from stcalib_ros.core.diagnosis.examine import CameraFit, Diagnosis, PairFacts
 from stcalib_ros.core.diagnosis.facts import CameraFacts
+from stcalib_ros.core.model.gathered_text import as_sentence
 from stcalib_ros.core.model.rejection_text import labelled, left_out_sentences, whole_sentences
 from stcalib_ros.io.reasons import plain_rejection, plain_remark
 from stcalib_ros.wording import count
@@ -50,7 +51,9 @@ def diagnosis_text(found: Diagnosis, source: str, warnings: Sequence[str] = ()) 
     left_out = [(camera.name, camera.rejection) for camera in found.uncalibrated]
     parts += _list("Left out:", left_out_sentences(left_out, codes=True))
     parts += _list("In doubt:", [_doubt(name, found.fits[name]) for name in found.doubtful])
-    parts += _list("What would help:", [one.sentence for one in advise(found)])
+    parts += _list(
+        "What would help:", [as_sentence(one.sentence, one.cameras) for one in advise(found)]
+    )
     parts.append(_filled(verdict(found), ""))
     return "\n\n".join(parts)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -154,8 +153,8 @@ class _Contents:
                 self._unstamped[topic] += 1
             else:
                 message = with_person_of_topic(message, raw.topic, raw.type_name)
-                image = pose_image(message, topic=raw.topic)
-                self._images[topic].append(replace(image, received_ns=raw.log_time))
+                image = pose_image(message, topic=raw.topic, received_ns=raw.log_time)
+                self._images[topic].append(image)
         progress(STAGE, 1.0)
 
     def cameras(self, path: Path | str, warn: Warn) -> list[CameraImages]:

@@ -106,7 +106,7 @@ def stamp_ns(message: Any) -> int:
     return int(stamp.sec) * NS + int(stamp.nanosec)
 
 
-def pose_image(message: Any, *, topic: str) -> PoseImage:
+def pose_image(message: Any, *, topic: str, received_ns: int | None = None) -> PoseImage:
     """Convert a ``PersonPose3DArray``.
 
     Parameters
@@ -116,6 +116,8 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
         `stcalib_ros.io.message_types.Content`.
     topic : str
         For error messages.
+    received_ns : int, optional
+        When it was received, nanoseconds.
 
     Raises
     ------
@@ -136,6 +138,8 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
     if any(len(person.joints) for person in persons):
         joints = _rows(persons, "joints", layout, 3, where)
     scores = _rows(persons, "joint_scores", layout, 1, where)[..., 0]
+    seen = _detected(keypoints)
+    seen_joints = None if joints is None else _observed(joints)
     return PoseImage(
         stamp_ns=stamp,
         frame_id=str(message.header.frame_id),
@@ -144,14 +148,14 @@ def pose_image(message: Any, *, topic: str) -> PoseImage:
         metric=bool(message.metric),
         track_ids=np.array([p.track_id for p in persons], dtype=np.int64),
         scores=np.array([p.score if math.isfinite(p.score) else 0.0 for p in persons]),
-        keypoints=_detected(keypoints),
-        joints=None if joints is None else _observed(joints),
+        keypoints=seen,
+        joints=seen_joints,
         joint_scores=np.where(np.isfinite(scores), scores, np.float32(0.0)),
+        received_ns=received_ns,
         project=getattr(message, "project", False),
         fractions=getattr(message, "fractions", False),
-        n_infinite=sum(
-            int((np.abs(a) > MAX_COORDINATE).sum()) for a in (keypoints, joints) if a is not None
-        ),
+        n_infinite=_n_infinite(keypoints, seen)
+        + (0 if joints is None or seen_joints is None else _n_infinite(joints, seen_joints)),
     )
 
 
@@ -253,10 +257,22 @@ def _rows(
 
 def _detected(keypoints: Float32Array) -> Float32Array:
     """Keypoints with a NaN or infinite coordinate, and those at (0, 0), become NaN."""
-    return np.where(keypoints.any(axis=-1, keepdims=True), _observed(keypoints), np.float32(np.nan))
+    points = _observed(keypoints)
+    if points.all():
+        return points
+    return np.where(keypoints.any(axis=-1, keepdims=True), points, np.float32(np.nan))
 
 
 def _observed(points: Float32Array) -> Float32Array:
     """Points with a coordinate that is NaN, infinite or as good as that become NaN."""
-    finite = (np.abs(points) <= MAX_COORDINATE).all(axis=-1, keepdims=True)
-    return np.where(finite, points, np.float32(np.nan))
+    small = np.abs(points) <= MAX_COORDINATE
+    if small.all():
+        return points
+    return np.where(small.all(axis=-1, keepdims=True), points, np.float32(np.nan))
+
+
+def _n_infinite(given: Float32Array, taken: Float32Array) -> int:
+    """Count values that are infinite or as good as that; `taken` are the same without them."""
+    if taken is given:
+        return 0
+    return int((np.abs(given) > MAX_COORDINATE).sum())

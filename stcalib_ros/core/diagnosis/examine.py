@@ -26,7 +26,7 @@ from stcalib_ros.core.methods import METHODS
 from stcalib_ros.core.model.arrays import IntArray
 from stcalib_ros.core.model.calibration import Insufficient, Status, UncalibratedCamera
 from stcalib_ros.core.model.lifted import LiftedCamera
-from stcalib_ros.core.model.recording import Recording
+from stcalib_ros.core.model.recording import CameraRecording, Recording, only_images
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
 from stcalib_ros.core.model.relative_pose import RelativePose
 from stcalib_ros.core.options import Options
@@ -43,6 +43,15 @@ MIN_EXPLAINED = 0.75
 """Fraction of all keypoints of a camera that fit the first adjustment. Where it is less in all
 cameras, they see different people. Measured on the same scenes: 0.3 to 0.65 where they do, and 0.79
 and more in one camera at least where they do not."""
+
+
+ENOUGH_IMAGES = 400
+"""Images of a camera. Of twice as many or more, only every second, third, ... one is compared with
+the other cameras, so that this takes as long as 13 s of 30 Hz do. Chosen."""
+
+ENOUGH_HZ = 12.0
+"""Images per second that are compared at least, however many there are: steps and arms are still
+followed (`MIN_RATE_HZ` of the advice is 10). Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +182,7 @@ def examine(recording: Recording, options: Options | None = None) -> Diagnosis:
 def _examined(recording: Recording, options: Options, facts: tuple[CameraFacts, ...]) -> Diagnosis:
     reference = require_usable(recording, options)
     screened = screen_input(recording, options)
-    views = lift_views(screened.recording, options)
+    views = lift_views(_thinned(screened.recording), options)
     pairs: tuple[PairFacts, ...] = ()
     fits: dict[str, CameraFit] = {}
     try:
@@ -195,6 +204,19 @@ def _examined(recording: Recording, options: Options, facts: tuple[CameraFacts, 
     left_out = {one.name for one in exclusions.cameras}
     names = tuple(camera.name for camera in facts if camera.name not in left_out)
     return Diagnosis(facts, pairs, names, exclusions.cameras, (), screened.remarks, fits)
+
+
+def _thinned(recording: Recording) -> Recording:
+    """Leave out images of cameras that have more than it takes."""
+    return replace(recording, cameras=tuple(map(_thinned_camera, recording.cameras)))
+
+
+def _thinned_camera(camera: CameraRecording) -> CameraRecording:
+    n = len(camera.stamps)
+    stride = n // ENOUGH_IMAGES
+    if stride > 1:
+        stride = min(stride, int(1.0 / (ENOUGH_HZ * frame_period(camera.stamps))))
+    return only_images(camera, np.arange(n) % stride == 0) if stride > 1 else camera
 
 
 def _fits(problem: CalibrationProblem, start: Start) -> dict[str, CameraFit]:

@@ -16,6 +16,18 @@ def after_names(names: Sequence[str], text: str) -> str:
     return ": ".join(filter(None, [", ".join(names), text]))
 
 
+def as_sentence(text: str, names: Sequence[str]) -> str:
+    """Return a text with full stop and capital; names of cameras stay as they are.
+
+    Examples
+    --------
+    >>> as_sentence("nobody moves", ["cam0"]), as_sentence("cam0: nobody moves", ["cam0"])
+    ('Nobody moves.', 'cam0: nobody moves.')
+    """
+    begins_with_name = any(text.startswith(name) for name in names)
+    return f"{text if begins_with_name else text[:1].upper() + text[1:]}."
+
+
 def gathered(items: Sequence[tuple[Hashable, tuple[str, ...], str]]) -> list[str]:
     """Return one text for every kind, after all the names that it is about.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from stcalib_ros.core.model.gathered_text import after_names, gathered
+from stcalib_ros.core.model.gathered_text import after_names, as_sentence, gathered
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
 from stcalib_ros.core.model.remark_text import ADDITIONS, REMARKS
 
@@ -389,4 +389,5 @@ def _remark_parts(remark: Remark) -> tuple[tuple[str, ...], str]:
 def whole_sentences(remarks: Sequence[Remark], rejections: Sequence[Rejection]) -> list[str]:
     """Return remarks and rejections as sentences with capital and full stop."""
     texts = [*remark_sentences(remarks), *rejection_sentences(rejections)]
-    return [f"{text[:1].upper()}{text[1:]}." for text in texts]
+    names = [name for one in (*remarks, *rejections) for name in one.cameras]
+    return [as_sentence(text, names) for text in texts]

@@ -76,7 +76,9 @@ def _table(cdr: CdrReader, n: int) -> tuple[NDArray[np.uint32], tuple[int, int, 
         at += 1 + sizes[-1]
     words = cdr.words((n, at))
     a, b, c = sizes
-    if words is None or not (words[:, [2, 3 + a, 4 + a + b]] == sizes).all():
+    if words is None:
+        return None
+    if n > 1 and not (words[1:, [2, 3 + a, 4 + a + b]] == sizes).all():
         return None
     return words, (a, b, c)
 

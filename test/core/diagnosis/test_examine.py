@@ -38,6 +38,19 @@ def test_a_good_recording_will_calibrate(good: Diagnosis) -> None:
     assert min(fit.explained for fit in good.fits.values()) > 0.85
 
 
+def test_of_many_images_a_part_says_the_same(
+    scene: Scene, good: Diagnosis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("stcalib_ros.core.diagnosis.examine.ENOUGH_IMAGES", 50)
+    found = examine(scene.recording, HALF_SECOND)
+    assert found.cameras == good.cameras
+    assert (found.calibrated, found.doubtful) == (good.calibrated, ())
+    assert found.pairs != good.pairs
+    for pair, other in zip(found.pairs, good.pairs, strict=True):
+        assert pair.shared_s == pytest.approx(other.shared_s, rel=0.1)
+        assert pair.lag_s == pytest.approx(other.lag_s, abs=0.01)
+
+
 def test_what_is_counted_is_what_was_recorded(scene: Scene, good: Diagnosis) -> None:
     for camera, facts in zip(scene.recording.cameras, good.cameras, strict=True):
         assert (facts.name, facts.n_images) == (camera.name, 150)

@@ -409,3 +409,5 @@ def test_whole_sentences() -> None:
     assert first == "A recording twice as long would reduce these uncertainties by about 30 %."
     assert second == "Everybody stays on one line: let people walk across it, too."
     assert math.isnan(line.measured)
+    held = Remark(C.LENS_HELD, ("cam0",), {"limit_percent": 1.0})
+    assert whole_sentences([held], ())[0].startswith("cam0: the lens is kept")
