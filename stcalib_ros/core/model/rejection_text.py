@@ -389,5 +389,6 @@ def _remark_parts(remark: Remark) -> tuple[tuple[str, ...], str]:
 def whole_sentences(remarks: Sequence[Remark], rejections: Sequence[Rejection]) -> list[str]:
     """Return remarks and rejections as sentences with capital and full stop."""
     texts = [*remark_sentences(remarks), *rejection_sentences(rejections)]
-    names = [name for one in (*remarks, *rejections) for name in one.cameras]
+    names = [name for remark in remarks for name in remark.cameras]
+    names += [name for rejection in rejections for name in rejection.cameras]
     return [as_sentence(text, names) for text in texts]
