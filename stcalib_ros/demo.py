@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import numpy as np
 from stcalib_ros.cli import main as stcalib
 from stcalib_ros.cli import run_command
 from stcalib_ros.commands.parser import CommandParser
-from stcalib_ros.commands.terminal import ProgressPrinter, calibration_text, table, warn
+from stcalib_ros.commands.terminal import WIDTH, ProgressPrinter, calibration_text, table, warn
 from stcalib_ros.core.errors import CalibrationError, InputError
 from stcalib_ros.core.evaluation.metrics import Evaluation, evaluate
 from stcalib_ros.core.model.calibration import Calibration, Status
@@ -116,29 +117,33 @@ def _run(folder: Path, film: Path | None) -> None:
     print()
     print(_REFERENCE)
     print()
+    files = _files(*outputs)
     if film is not None:
-        _run_film(film, folder)
+        files += _run_film(film, folder)
         print()
-    print(_files_text(*outputs))
+    print(_files_text(files))
 
 
-def _run_film(film: Path, folder: Path) -> None:
-    """Calibrate a film, compare it with the truth, and draw the people into its images."""
+def _run_film(film: Path, folder: Path) -> tuple[tuple[str, str], ...]:
+    """Calibrate a film, compare it with the truth, and draw the people; return what was written."""
     print(_FILM)
     bag, truth, result = film / "poses.mcap", film / "truth.yaml", folder / "film.yaml"
-    films = sorted(str(path) for path in film.glob("*.mp4"))
     report, picture = folder / "film.html", folder / "film.jpg"
     for command in (
         ("calibrate", bag, "--line-time", "cam3=5e-5", "-o", result, "--report", report, "-q"),
         ("evaluate", result, "--truth", truth, "--fps", "15"),
-        ("draw", result, bag, "--films", *films, "-o", picture),
+        ("draw", result, bag, "--films", film, "-o", picture),
     ):
         words = [str(word) for word in command]
-        print(f"$ stcalib {' '.join(words)}", flush=True)
+        print(_as_typed(words), flush=True)
         if status := stcalib(words):
             raise (CalibrationError if status == CalibrationError.exit_status else InputError)(
                 f"the film could not be calibrated: stcalib {words[0]} ended with status {status}"
             )
+    return (
+        (str(report), "the report of the film"),
+        (str(picture), "the film with the people drawn into it"),
+    )
 
 
 def _outputs(folder: Path) -> tuple[Path, Path, Path]:
@@ -197,15 +202,31 @@ def people_text(calibration: Calibration, truth: Calibration) -> str:
     )
 
 
-def _files_text(result: Path, report: Path, picture: Path) -> str:
-    """Say what was written, and how to look at it."""
-    rows = (
+def _as_typed(words: Sequence[str]) -> str:
+    """Return a command as it is typed, with its long lines broken."""
+    lines = textwrap.wrap(
+        f"$ stcalib {' '.join(words)}",
+        WIDTH - len(" \\"),
+        subsequent_indent=" " * len("$ stcalib "),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return " \\\n".join(lines)
+
+
+def _files(result: Path, report: Path, picture: Path) -> tuple[tuple[str, str], ...]:
+    """Return what was written, the report first."""
+    return (
         (str(report), "the report: open it in a browser"),
         (str(picture), "cameras and people, and clocks before and after"),
         (str(result), "the calibration as numbers"),
     )
+
+
+def _files_text(files: Sequence[tuple[str, str]]) -> str:
+    """Say what was written, and how to look at it."""
     opener = "open" if sys.platform == "darwin" else "xdg-open"
-    return f"{table(rows)}\n\nTo look at it: {opener} {report}"
+    return f"{table(files)}\n\nTo look at it: {opener} {files[0][0]}"
 
 
 def errors_text(evaluation: Evaluation, calibration: Calibration, truth: Calibration) -> str:

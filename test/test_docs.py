@@ -121,10 +121,10 @@ def check_pip(words: list[str]) -> None:
         lists = "\n".join(path.read_text() for path in files)
         assert named <= set(re.findall(r"^\w+", lists, re.MULTILINE))
         return
-    extra = re.fullmatch(r"\.(?:\[(\w+)\])?", words[1])
-    assert extra
-    if extra[1]:
-        assert f"optional-dependencies.{extra[1]} " in (ROOT / "pyproject.toml").read_text()
+    extras = re.fullmatch(r"\.(?:\[([\w,]+)\])?", words[1])
+    assert extras
+    for extra in extras[1].split(",") if extras[1] else ():
+        assert f"optional-dependencies.{extra} " in (ROOT / "pyproject.toml").read_text()
 
 
 def check_python(words: list[str]) -> None:

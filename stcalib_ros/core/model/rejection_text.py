@@ -391,4 +391,6 @@ def whole_sentences(remarks: Sequence[Remark], rejections: Sequence[Rejection]) 
     texts = [*remark_sentences(remarks), *rejection_sentences(rejections)]
     about: list[Remark | Rejection] = [*remarks, *rejections]
     names = [name for one in about for name in one.cameras]
+    names = [name for remark in remarks for name in remark.cameras]
+    names += [name for rejection in rejections for name in rejection.cameras]
     return [as_sentence(text, names) for text in texts]
