@@ -9,6 +9,7 @@ from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from stcalib_ros.core.bundle.covariance import largest_stddev
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.ros.image_planes import frustum_depth, frustum_plane
@@ -77,13 +78,11 @@ def _camera(
 def accuracy_text(camera: CameraCalibration, *, metric: bool) -> str:
     """Say how well the pose and the clock of a camera are known.
 
-    Standard deviations of the position (root of the sum over the axes), of the rotation (likewise)
-    and of the time offset, which is given, too; of the reference camera only that it is that.
+    Standard deviations of the position and of the rotation in their least certain directions, and
+    of the time offset, which is given, too; of the reference camera only that it is that.
     """
-    variances = np.diag(camera.covariance)
-    place, turn = (
-        math.sqrt(max(float(part.sum()), 0.0)) for part in (variances[:3], variances[3:])
-    )
+    place = largest_stddev(camera.covariance[:3, :3])
+    turn = largest_stddev(camera.covariance[3:, 3:])
     if place == 0.0 and camera.time_offset_s == 0.0:
         return "reference"
     length = f"{1e3 * place:.1f} mm" if metric else f"{place:.4f} baselines"

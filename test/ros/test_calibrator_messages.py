@@ -61,7 +61,7 @@ def test_frusta_open_from_the_camera_along_its_axis():
     clear, *markers = camera_markers(record, stamp=STAMP).markers
     assert clear.action == Marker.DELETEALL
     frusta = [m for m in markers if m.type == Marker.LINE_LIST]
-    assert [m.text for m in markers if m.text] == ["cam0", "cam1", "cam2"]
+    assert [m.text for m in markers if m.ns == "names"] == ["cam0", "cam1", "cam2"]
     for marker, camera in zip(frusta, record.cameras, strict=True):
         points = np.array([[p.x, p.y, p.z] for p in marker.points])
         assert len(points) == 16

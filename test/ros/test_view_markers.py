@@ -217,7 +217,7 @@ def test_cameras_are_named_with_their_accuracy_and_an_ellipsoid():
     (ball,) = (m for m in shown if m.ns == "uncertainty")
     sizes = sorted((ball.scale.x, ball.scale.y, ball.scale.z))
     assert np.allclose(sizes, [6 * 0.01, 6 * 0.02, 6 * 0.03], rtol=0.2)
-    assert "+-37.4 mm, +-0.99 deg" in accuracy_text(sized, metric=True)
+    assert "+-30.0 mm, +-0.57 deg" in accuracy_text(sized, metric=True)
     reference = replace(sized, covariance=np.zeros((6, 6)), time_offset_s=0.0)
     assert accuracy_text(reference, metric=True) == "reference"
     assert "baselines" in accuracy_text(sized, metric=False)
