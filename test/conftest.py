@@ -1,10 +1,14 @@
-"""How tests are shared out to processes: `make test` runs two."""
+"""How tests are shared out to processes and threads: `make test` runs two processes of one."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+
+from stcalib_ros.threads import use_one_thread
+
+use_one_thread()  # as the commands do: BLAS threads of two processes would wait for each other
 
 HERE = Path(__file__).parent
 ON_THE_NETWORK = ("ros", "packaging")
