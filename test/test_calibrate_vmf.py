@@ -45,7 +45,7 @@ def test_the_method_of_the_configuration_file_calibrates(
     ("config", "says"),
     [
         ("registration: {method: arcs}", "registration.method must be one of correlation, vmf"),
-        ("vmf: {starts: 3}", "unknown option vmf.starts: there are window, n_windows"),
+        ("vmf: {starts: 3}", "unknown option vmf.starts: did you mean n_starts?"),
     ],
 )
 def test_a_method_that_there_is_not_is_refused_in_one_line(

@@ -73,6 +73,9 @@ def kitchen(tmp_path_factory: pytest.TempPathFactory) -> Path:
             name = f"walk_{k:012d}_keypoints.json"
             persons = [openpose_person(one) for one in people]
             write_openpose_image(folder / "poses" / camera.name / name, persons)
+    shutil.copytree(folder / "poses", folder / "openpose_output")
+    refused = (folder / "walk.yaml").read_text().replace("status: OK", "status: DEGENERATE")
+    (folder / "walk.rejected.yaml").write_text(refused)
     return folder
 
 

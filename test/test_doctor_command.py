@@ -147,3 +147,8 @@ def test_what_convert_needs_is_asked_for(
     ):
         assert main(["doctor", *arguments]) == 2
         assert said in capsys.readouterr().err
+
+
+def test_what_is_not_there_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor", "nowhere", "--fps", "30"]) == 2
+    assert capsys.readouterr().err == "stcalib: no such file or folder: nowhere\n"

@@ -85,6 +85,8 @@ class _Source(NamedTuple):
 
 
 def _read_source(args: argparse.Namespace, warn: Callable[[str], None]) -> _Source:
+    if not args.source.exists():
+        raise InputError(f"no such file or folder: {args.source}")
     if args.format is not None or _is_pose_files(args.source):
         with TemporaryDirectory() as folder:
             return _read_by_a_bag(args, Path(folder) / "walk.mcap", warn)

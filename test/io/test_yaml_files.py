@@ -92,7 +92,7 @@ def test_many_keys_take_no_more_than_their_number() -> None:
 
 def test_bounds_of_the_caller() -> None:
     assert parse_yaml("[1, 2]", "it", max_length=6, max_nodes=3) == [1, 2]
-    with pytest.raises(InputError, match="it has 7 characters, at most 6"):
+    with pytest.raises(InputError, match="it has 7 characters, and at most 6"):
         parse_yaml("[1,  2]", "it", max_length=6)
     with pytest.raises(InputError, match="more than 3 values"):
         parse_yaml("[1, 2, 3]", "it", max_nodes=3)

@@ -143,7 +143,7 @@ def test_where_lenses_are_to_be_given_zeros_are_named_with_what_to_do(client):
         assert "set intrinsics to unknown" in status["message"]
         assert status["dropped"] == "0"
     refused = client.answer(Trigger, "recalibrate_now")
-    assert (refused.success, "there is none" in refused.message) == (False, True)
+    assert (refused.success, "ready: none" in refused.message) == (False, True)
 
 
 def test_a_rollback_hands_the_earlier_lens_to_its_driver(client, driver, scene):

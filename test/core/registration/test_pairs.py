@@ -121,7 +121,7 @@ def test_who_cancels_need_not_wait_for_tasks_that_have_not_begun(small_scene):
         asked.append(1)
         return len(asked) > 5
 
-    with pytest.raises(Cancelled, match="cancelled during pairwise registration"):
+    with pytest.raises(Cancelled, match="cancelled during matching camera pairs"):
         calibrate(small_scene.recording, HALF_SECOND, cancelled=cancelled, executor=executor)
     assert len(executor.futures) == 3
     assert all(future.cancelled() for future in executor.futures)

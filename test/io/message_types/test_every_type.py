@@ -115,4 +115,4 @@ def test_a_bag_without_definitions_is_read(tmp_path, bag_of, kind):
     said: list[str] = []
     (camera,) = read_bag(bare, warn=said.append).cameras
     assert len(camera.tracks) == 2
-    assert "no definition" in said[0]
+    assert "lacks the message definitions" in said[0]
