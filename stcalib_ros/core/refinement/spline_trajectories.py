@@ -78,7 +78,10 @@ def with_splines(
     )
     if found is None or noise(*found, step_s=spacing * obs.step_s) > MAX_SPLINE_NOISE * sigma:
         return last
-    return last.with_state(obs, _state_of(obs, state, *found, spacing))
+    smooth = _state_of(obs, state, *found, spacing)
+    errors = errors_px(obs, smooth)
+    fits = errors < outlier_limit_px(errors, smooth.inlier, options)
+    return last.with_state(obs, smooth.with_inliers(smooth.inlier & fits))
 
 
 def _evenness(members: Sequence[LiftedCamera], last: Iteration) -> float:
@@ -94,8 +97,7 @@ def _evenness(members: Sequence[LiftedCamera], last: Iteration) -> float:
 def trajectories(
     obs: Observations, state: BundleState, sigma: float, options: BundleOptions, spacing: float
 ) -> tuple[Trajectories, ...]:
-    (
-        """Splines through the joints of a state, and the image points that fit them.
+    """Lay splines through the joints of a state, with the image points that fit them.
 
     Parameters
     ----------
@@ -108,8 +110,6 @@ def trajectories(
     spacing : float
         Knots between coefficients.
     """
-        ""
-    )
     x, step_s = _at_times_of_images(obs, state), spacing * obs.step_s
     cameras = Cameras(state.R_cam_ref, state.t_cam_ref, state.shift_s)
     limit = outlier_limit_px(errors_px(obs, state), state.inlier, options)

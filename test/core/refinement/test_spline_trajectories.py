@@ -11,6 +11,7 @@ from core_helpers import SMALL
 from scipy.spatial.transform import Rotation
 
 from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
+from stcalib_ros.core.bundle.residuals import errors_px
 from stcalib_ros.core.evaluation.metrics import evaluate
 from stcalib_ros.core.geometry import bsplines as splines
 from stcalib_ros.core.geometry.so3 import exp_so3
@@ -165,6 +166,22 @@ def test_who_is_seen_by_some_cameras_or_by_none_is_no_obstacle():
     assert found is not changed
     assert np.isfinite(found.state.X).all()
     np.testing.assert_allclose(found.rig.t_ref_cam, last.rig.t_ref_cam, atol=0.05)
+
+
+def test_points_that_no_spline_meets_are_outliers():
+    """A joint that leaps away for a moment is not followed, and does not count as fitting."""
+    s = simulate(replace(MIXED, seed=1))
+    stages = run_stages(s.recording)
+    last = stages.iterations[-1]
+    x = last.observations.x.copy()
+    leap = np.flatnonzero(last.state.inlier[:, :, 0].sum(1) >= 2)[20:23]
+    x[leap, :, 0] += 0.5
+    changed = replace(last, observations=replace(last.observations, x=x))
+    found = with_splines(stages.lifted, changed, BundleOptions())
+    assert found is not changed
+    assert not found.state.inlier[leap, :, 0].any()
+    errors = errors_px(found.observations, found.state)[found.state.inlier]
+    assert errors.max() < 4 * BundleOptions().outlier_factor * np.median(errors)
 
 
 def test_motion_that_splines_do_not_hold_is_left_to_free_points(monkeypatch):
