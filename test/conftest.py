@@ -15,10 +15,8 @@ ON_THE_NETWORK = ("ros", "packaging")
 """Folders whose tests are one group: nodes of two tests would meet, and builds share a folder."""
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_itemcollected(item: pytest.Item) -> None:
     """Keep a file's tests in one process, for what they share is then made once."""
-    for item in items:
-        place = item.path.relative_to(HERE)
-        group = "ros" if place.parts[0] in ON_THE_NETWORK else str(place)
-        item.add_marker(pytest.mark.xdist_group(group))
+    place = item.path.relative_to(HERE)
+    group = "ros" if place.parts[0] in ON_THE_NETWORK else str(place)
+    item.add_marker(pytest.mark.xdist_group(group))
