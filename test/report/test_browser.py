@@ -113,11 +113,12 @@ def test_it_turns_stays_upright_and_comes_back(opened: Browser) -> None:
     before = opened.picture("#scene canvas")
     opened.drag((x, y), (x + 90, y + 20))
     opened.settle(30)  # until it has come to rest
-    turned = opened.picture("#scene canvas")
-    assert differing(before, turned) > 300
+    turned = differing(before, opened.picture("#scene canvas"))
+    assert turned > 300
     opened.value("document.getElementById('reset').click()")
-    opened.settle(5)
-    assert differing(before, opened.picture("#scene canvas")) < 100
+    opened.settle(30)
+    # But for the edges of lines, of which a software renderer colours some anew.
+    assert differing(before, opened.picture("#scene canvas")) < 0.05 * turned
 
 
 def test_two_fingers_zoom(browser: Browser, report: Path) -> None:
