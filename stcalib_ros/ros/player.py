@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from stcalib_ros.io.topics import CameraSelection
 from stcalib_ros.ros.convert import message_class
 from stcalib_ros.ros.limits import LINGER_S
 from stcalib_ros.ros.publishers import latched
+from stcalib_ros.ros.running import StopRequest
 
 _DEPTH = 1000
 """Messages. Queue of each publisher: a player may run faster than its subscribers."""
@@ -88,7 +88,7 @@ class Player:
             None if options.clock_hz is None else node.create_publisher(Clock, "/clock", 10)
         )
 
-    def play(self, stop: threading.Event) -> None:
+    def play(self, stop: StopRequest) -> None:
         """Play to the end, or until `stop` is set.
 
         Raises
@@ -104,7 +104,7 @@ class Player:
             self._log.info("playing the bag again from its beginning: time jumps back")
         stop.wait(LINGER_S)
 
-    def _play_once(self, stop: threading.Event) -> int:
+    def _play_once(self, stop: StopRequest) -> int:
         """Play from the beginning; return how many messages were sent."""
         rate, clock_hz = self._options.rate, self._options.clock_hz
         tick_ns = None if clock_hz is None else max(round(rate / clock_hz * NS), 1)
@@ -124,7 +124,7 @@ class Player:
         self._log.info(f"played {sent} messages")
         return sent
 
-    def _wait(self, stop: threading.Event) -> None:
+    def _wait(self, stop: StopRequest) -> None:
         """Wait for subscriptions, and warn of topics that have none."""
         deadline = time.monotonic() + self._options.wait_s
         publishers = dict(self._publishers)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 import signal
 import sys
-import threading
 import traceback
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import rclpy
@@ -23,9 +24,37 @@ _SOURCE = re.compile(r", at \S+:\d+")
 """Place in the sources of rcl, at the end of what it says."""
 
 
-def stop_on_signals() -> threading.Event:
-    """Return an event that SIGINT and SIGTERM set from now on."""
-    stop = threading.Event()
+class StopRequest:
+    """Whether the process was asked to stop; the handler of a signal may say so at any moment.
+
+    A `threading.Event` may not be set there: its lock is not reentrant, and a signal that comes
+    while the same thread holds it in `wait` stands still for ever. `SimpleQueue.put` is reentrant.
+    """
+
+    def __init__(self) -> None:
+        self._requested = False
+        self._wake: SimpleQueue[None] = SimpleQueue()
+
+    def set(self) -> None:
+        """Ask to stop, and end a `wait`."""
+        self._requested = True
+        self._wake.put(None)
+
+    def is_set(self) -> bool:
+        """Return whether it was asked."""
+        return self._requested
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until it is asked, `timeout_s` seconds at most; return whether it was."""
+        if not self._requested:
+            with suppress(Empty):
+                self._wake.get(timeout=timeout_s)
+        return self._requested
+
+
+def stop_on_signals() -> StopRequest:
+    """Return a request that SIGINT and SIGTERM set from now on."""
+    stop = StopRequest()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     return stop
@@ -63,12 +92,12 @@ def events_executor(context: Any) -> Any:
     return EventsExecutor(context=context)
 
 
-def spin_until(stop: threading.Event, node: Any, executor: Any = None) -> None:
+def spin_until(stop: StopRequest, node: Any, executor: Any = None) -> None:
     """Serve a node until `stop` is set; what goes wrong in one callback ends nothing else.
 
     Parameters
     ----------
-    stop : threading.Event
+    stop : StopRequest
     node : rclpy.node.Node
     executor : rclpy.executors.Executor, optional
         Default: a single-threaded one.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,59 @@ import rclpy
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.ros.parameters import declare
 from stcalib_ros.ros.restamp_parameters import declare_relay
-from stcalib_ros.ros.running import events_executor, spin_until, start_node
+from stcalib_ros.ros.running import (
+    StopRequest,
+    events_executor,
+    spin_until,
+    start_node,
+    stop_on_signals,
+)
+
+
+@pytest.fixture
+def handlers() -> Iterator[None]:
+    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+SIGNALS_WHILE_WAITING = """
+import os, signal, threading
+from stcalib_ros.ros.running import stop_on_signals
+for k in range(300):
+    stop = stop_on_signals()
+    threading.Timer(2e-4 + k % 100 * 3e-6, os.kill, (os.getpid(), signal.SIGTERM)).start()
+    while not stop.wait(0.0):
+        pass
+print("stopped", k + 1)
+"""
+
+
+def test_a_signal_at_any_moment_of_a_wait_ends_it():
+    """Waits of no length, one after the other, as when a bag is played: with a `threading.Event`
+    one of the first signals found its lock held and stood still for ever."""
+    said = subprocess.run(
+        [sys.executable, "-c", SIGNALS_WHILE_WAITING],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (said.stdout, said.stderr) == ("stopped 300\n", "")
+
+
+@pytest.mark.usefixtures("handlers")
+def test_a_signal_ends_a_long_wait():
+    stop = stop_on_signals()
+    main_thread = threading.get_ident()
+    threading.Timer(0.1, signal.pthread_kill, (main_thread, signal.SIGINT)).start()
+    assert stop.wait(1e4)
+    assert stop.wait(1e4), "it stays asked"
+
+
+def test_a_wait_that_nobody_ends():
+    assert not StopRequest().wait(0.01)
 
 
 @pytest.mark.parametrize("make", [events_executor, lambda context: None], ids=["events", "usual"])
@@ -25,7 +79,7 @@ def test_an_error_in_a_callback_is_said_and_ends_nothing(capfd, make):
     context = rclpy.Context()
     context.init()
     node = rclpy.create_node("stumbles", context=context)
-    stop, calls = threading.Event(), 0
+    stop, calls = StopRequest(), 0
 
     def stumble() -> None:
         nonlocal calls
