@@ -14,9 +14,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.geometry.assignment import assign
 from stcalib_ros.core.geometry.robust import median_of_known
 from stcalib_ros.core.lifting.limits import (
     LONGEST_BREAK_FRAMES,
@@ -254,7 +254,7 @@ class PersonTracker:
     def _assigned(self, stamp_s: float, found: Float64Array) -> dict[int, _Person]:
         """Return the person that each pose (P, J, 2) goes on, by its index; none where nobody."""
         cost = self._costs(stamp_s, found)
-        pairs = zip(*linear_sum_assignment(cost), strict=True)
+        pairs = zip(*assign(cost), strict=True)
         return {int(b): self._people[a] for a, b in pairs if cost[a, b] < _FORBIDDEN}
 
     def _costs(self, stamp_s: float, found: Float64Array) -> Float64Array:
