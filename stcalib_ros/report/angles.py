@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.geometry.lens import bearings, project
+from stcalib_ros.core.geometry.lens import bearings, project_plane
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.report.fits import KeypointFit
@@ -66,9 +66,9 @@ def errors_by_angle(fit: KeypointFit, lens: Intrinsics) -> ErrorsByAngle:
         By which the joints were projected.
     """
     x, focal = bearings(fit.pixels, lens)
-    reprojected = project(_rays(x + fit.residuals / focal[:, None]), lens)
+    reprojected = project_plane(x + fit.residuals / focal[:, None], lens)
     residual = reprojected - fit.pixels
-    radius = fit.pixels - project(np.array([0.0, 0.0, 1.0]), lens)
+    radius = fit.pixels - project_plane(np.zeros(2), lens)
     with np.errstate(invalid="ignore"):
         outward = (residual * radius).sum(-1) / np.linalg.norm(radius, axis=-1)
     angle = np.degrees(np.arctan(np.linalg.norm(x, axis=-1)))
@@ -86,10 +86,6 @@ def errors_by_angle(fit: KeypointFit, lens: Intrinsics) -> ErrorsByAngle:
         error_px=_quartiles(error, number, shown),
         outward_px=_quartiles(outward, number, shown),
     )
-
-
-def _rays(x: Float64Array) -> Float64Array:
-    return np.concatenate([x, np.ones_like(x[:, :1])], -1)
 
 
 def _width_deg(largest_deg: float) -> float:
