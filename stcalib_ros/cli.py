@@ -39,6 +39,7 @@ _COMMANDS = {
     "simulate": "make a simulated bag, with the true values",
     "convert": "make a bag from pose files of other programs",
     "export": "write a result in the format of another program",
+    "place": "put a result into the frame of a floor plan or map",
     "models": "list pose estimators, or fetch their weights",
     "completion": "print a script for shell completion",
 }

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from film_helpers import write_film, write_scene_films
 
@@ -40,6 +42,30 @@ def test_a_picture_has_an_image_of_each_camera(
     assert picture is not None
     assert picture.shape[1] > 1000
     assert "3 cameras at 1.50 s are drawn" in capsys.readouterr().out
+
+
+def test_undistorted_images_are_as_the_lenses_say(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert drawn(scene, tmp_path / "a.png", "--at", "1.5", "--undistort") == 0
+    assert drawn(scene, tmp_path / "b.png", "--at", "1.5") == 0
+    straight, plain = (cv2.imread(str(tmp_path / name)) for name in ("a.png", "b.png"))
+    assert straight is not None
+    assert plain is not None
+    assert straight.shape == plain.shape
+    assert np.median(np.abs(straight.astype(int) - plain.astype(int))) == 0  # no distortion
+    result = st.read_result(scene / "walk.yaml")
+    first = result.cameras[0]
+    lens = replace(first.intrinsics, D=np.array([-0.2, 0.03, 0.0, 0.0, 0.0]))
+    bent = replace(result, cameras=(replace(first, intrinsics=lens), *result.cameras[1:]))
+    st.write_result(bent, tmp_path / "walk.yaml")
+    files = [str(tmp_path / "walk.yaml"), str(scene / "walk.mcap"), "--films", str(scene)]
+    output = ["--output", str(tmp_path / "a.mp4"), "--duration", "0.1", "--undistort"]
+    assert main(["draw", *files, *output]) == 0
+    film = cv2.VideoCapture(str(tmp_path / "a.mp4"))
+    assert film.read()[0]
+    film.release()
+    assert "3 cameras at 3 images" in capsys.readouterr().out
 
 
 def test_a_film_has_the_images_of_its_duration(scene: Path, tmp_path: Path) -> None:

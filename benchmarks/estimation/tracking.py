@@ -43,9 +43,9 @@ APART = 0.05
 changes no calibration. Chosen: a few times the noise of keypoints."""
 KINDS = {"walkers": "procedural", "dancers": "mocap"}
 """What people do: they walk about, or also box, jump, run and dance."""
-MAX_SWITCHES = {"walkers": (0.02, 0.006, 0.0015), "dancers": (0.05, 0.01, 0.0025)}
-"""Fraction of the poses at which a track goes on to somebody else, at most; by `RATES`. Chosen; of
-dancers, at what linking in the calibration has, `stcalib_ros.core.lifting.track_linking`."""
+MAX_SWITCHES = {"walkers": (0.01, 0.003, 0.001), "dancers": (0.03, 0.006, 0.0012)}
+"""Fraction of the poses at which a track goes on to somebody else, at most; by `RATES`. Chosen: a
+third more than there are."""
 MAX_MADE = 0.02
 """Fraction of the poses with right sides in which a part is exchanged, at most. Chosen: a tenth of
 what a calibration takes as outliers."""

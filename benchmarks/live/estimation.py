@@ -1,17 +1,19 @@
-"""The pose estimator and the calibrator beside each other: images over DDS in, poses out.
+"""The pose estimator and the calibrator beside each other: images over DDS in, calibration out.
 
-    python -m benchmarks.live.estimation                      four cameras, 640 x 480, 10 Hz, noise
-    python -m benchmarks.live.estimation --films a.mp4 b.mp4      images of films, repeated
+    python -m benchmarks.live.estimation                       four cameras, 640 x 480, 10 Hz, noise
+    python -m benchmarks.live.estimation --film examples/film  its cameras, each by its own clock
     python -m benchmarks.live.estimation --hz 30 --rate-hz 10 --estimator blazepose
 
 Run it where the package is built and sourced, with the weights fetched. One process sends, this one
-listens. MoveNet costs the same whoever is in an image; the calibrator only calibrates where films
-show people in common. Exit status 1 if a stamp is changed, or more images are lost than `MAX_LOST`.
+listens. MoveNet costs the same whoever is in an image. At the end of a film the calibrator is asked
+for a calibration, which is compared with the truth of the film. Exit status 1 if a stamp is
+changed, more images are lost than `MAX_LOST`, or the film is not calibrated.
 """
 
 from __future__ import annotations
 
 import argparse
+import heapq
 import multiprocessing
 import os
 import signal
@@ -21,12 +23,12 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import takewhile
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -34,12 +36,18 @@ from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import CameraInfo, Image
 from stcalib_ros.msg import PersonPose3DArray
+from stcalib_ros.srv import Recalibrate
 from std_msgs.msg import Header
 
 from benchmarks.cost.process import usage
 from benchmarks.table import Row, print_rows
-from stcalib_ros.io.messages import NS
-from stcalib_ros.ros.convert import time_message
+from stcalib_ros.core.evaluation.metrics import evaluate
+from stcalib_ros.core.model.calibration import Calibration
+from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.io.films import film_images, open_film
+from stcalib_ros.io.messages import NS, fields_of_lens
+from stcalib_ros.io.results import read_result
+from stcalib_ros.ros.convert import camera_info_message, time_message
 
 MAX_LOST = 0.02
 """Fraction of the needed images that may be dropped, or not arrive, at most."""
@@ -48,25 +56,30 @@ _FIRST_S = 1_760_000_000.0
 _APART_S = 0.013
 """Seconds between the clocks of two cameras. Chosen, so that no two stamps are the same."""
 _TIMEOUT_S = 60.0
-"""Seconds until the nodes must have subscribed."""
+"""Seconds until the nodes must have subscribed, and the calibration must have ended."""
 _REST_S = 2.0
 """Seconds that are waited for the last poses."""
-_MAX_FRAMES = 300
-"""Images of a film that are used. Chosen: 270 MB of 640 x 480."""
 _FOCAL = 0.9
 """Ratio of focal length to width of the images. Chosen: usual cameras."""
 
-Frames = list[NDArray[np.uint8]]
+
+class Shot(NamedTuple):
+    """An image to send, when, and of which camera."""
+
+    due_s: float
+    camera: int
+    stamp_s: float
+    pixels: NDArray[np.uint8]
 
 
 @dataclass(slots=True)
 class Heard:
-    """What has come: when the poses of every camera arrived by stamp, and the last diagnostics."""
+    """When poses of each camera came, by stamp; last diagnostics; what the calibrator said."""
 
     poses: dict[str, dict[int, float]] = field(default_factory=dict)
     n_persons: int = 0
     counts: dict[str, dict[str, str]] = field(default_factory=dict)
-    results: int = 0
+    calibrated: str = ""
 
 
 def main() -> int:
@@ -79,14 +92,15 @@ def main() -> int:
     """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--films", type=Path, nargs="+", default=[])
-    parser.add_argument("--cameras", type=int, default=4, metavar="N")
-    parser.add_argument("--size", type=int, nargs=2, default=(640, 480), metavar=("W", "H"))
-    parser.add_argument("--hz", type=float, default=10.0, help="of the cameras")
-    parser.add_argument("--rate-hz", type=float, default=10.0, help="parameter of the node")
-    parser.add_argument("--seconds", type=float, default=30.0)
-    parser.add_argument("--workers", type=int, default=2, help="parameter of the node")
-    parser.add_argument("--estimator", default="movenet")
+    add = parser.add_argument
+    add("--film", type=Path, metavar="FOLDER", help="films and their truth; default: noise")
+    add("--cameras", type=int, default=4, metavar="N")
+    add("--size", type=int, nargs=2, default=(640, 480), metavar=("W", "H"), help="of noise")
+    add("--hz", type=float, default=10.0, help="of the cameras; of a film at most")
+    add("--rate-hz", type=float, default=10.0, help="parameter of the node")
+    add("--seconds", type=float, default=30.0, help="of a film at most")
+    add("--workers", type=int, default=2, help="parameter of the node")
+    add("--estimator", default="movenet")
     args = parser.parse_args()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
@@ -98,7 +112,11 @@ def main() -> int:
         sender.start()
         heard, sent, used_s = _listen(ours, names, [p.pid for p in processes])
         sender.join()
-    return _report(args, heard, sent, used_s)
+        results = sorted(Path(folder).glob("calibration.*.yaml"))
+        found = read_result(results[-1]) if results else None
+    rows = [*_rows(args, heard, sent, used_s), *_calibration_rows(args, heard, found)]
+    print_rows(_title(args), rows, file=sys.stdout)
+    return 0 if all(row.met is not False for row in rows) else 1
 
 
 @contextmanager
@@ -152,6 +170,10 @@ def _listen(
     while time.monotonic() < rest:
         executor.spin_once(timeout_sec=0.1)
     used_s = [usage(pid).cpu_s - b for pid, b in zip(pids, before, strict=True)]
+    client = node.create_client(Recalibrate, "/calibrator/recalibrate")
+    answer = client.call_async(Recalibrate.Request(wait=True))
+    executor.spin_until_future_complete(answer, timeout_sec=_TIMEOUT_S)
+    heard.calibrated = answer.result().result.message if answer.done() else "no answer"
     rclpy.shutdown()
     return heard, sent, used_s
 
@@ -171,7 +193,7 @@ def _send(pipe: Connection, names: Sequence[str], args: argparse.Namespace) -> N
     """Send the images of all cameras at a steady rate; say what stamps were sent when."""
     rclpy.init()
     node = rclpy.create_node("benchmark_cameras")
-    films = [_frames(k, args) for k in range(len(names))]
+    lenses = _lenses(args)
     images = [node.create_publisher(Image, f"/{name}/image_raw", 10) for name in names]
     infos = [node.create_publisher(CameraInfo, f"/{name}/camera_info", 10) for name in names]
     deadline = time.monotonic() + _TIMEOUT_S
@@ -184,41 +206,63 @@ def _send(pipe: Connection, names: Sequence[str], args: argparse.Namespace) -> N
     pipe.recv()
     sent: dict[str, dict[int, float]] = {name: {} for name in names}
     begin = time.monotonic()
-    for k in range(round(args.hz * args.seconds)):
-        for c, name in enumerate(names):
-            due = begin + (k + c / len(names)) / args.hz
-            time.sleep(max(due - time.monotonic(), 0.0))
-            stamp = time_message(_FIRST_S + (k + c / len(names)) / args.hz + c * _APART_S)
-            header = Header(stamp=stamp, frame_id=f"{name}_optical_frame")
-            infos[c].publish(_info(header, args.size))
-            sent[name][stamp.sec * NS + stamp.nanosec] = time.monotonic()
-            images[c].publish(_image(header, films[c][k % len(films[c])]))
+    for shot in _shots(args):
+        name = names[shot.camera]
+        time.sleep(max(begin + shot.due_s - time.monotonic(), 0.0))
+        stamp = time_message(_FIRST_S + shot.stamp_s)
+        header = Header(stamp=stamp, frame_id=f"{name}_optical_frame")
+        fields = fields_of_lens(lenses[shot.camera])
+        infos[shot.camera].publish(camera_info_message(fields, header))
+        sent[name][stamp.sec * NS + stamp.nanosec] = time.monotonic()
+        images[shot.camera].publish(_image(header, shot.pixels))
     pipe.send(sent)
     rclpy.shutdown()
 
 
-def _frames(camera: int, args: argparse.Namespace) -> Frames:
+def _lenses(args: argparse.Namespace) -> list[Intrinsics]:
+    if args.film:
+        return [camera.intrinsics for camera in _truth(args).cameras]
     width, height = args.size
-    if not args.films:
-        rng = np.random.default_rng(camera)
-        return [rng.integers(0, 256, (height, width, 3), dtype=np.uint8)]
-    film = cv2.VideoCapture(str(args.films[camera % len(args.films)]))
-    frames: Frames = []
-    every = max(round(film.get(cv2.CAP_PROP_FPS) / args.hz), 1)
-    while len(frames) < _MAX_FRAMES and film.grab():
-        frames.append(cv2.resize(film.retrieve()[1], (width, height)))
-        for _ in range(every - 1):
-            film.grab()
-    return frames
+    focal, cx, cy = _FOCAL * width, (width - 1) / 2, (height - 1) / 2
+    K = np.array([[focal, 0.0, cx], [0.0, focal, cy], [0.0, 0.0, 1.0]])
+    return [Intrinsics(width, height, LensModel.PLUMB_BOB, K, np.zeros(5))] * args.cameras
 
 
-def _info(header: Header, size: Sequence[int]) -> CameraInfo:
-    width, height = size
-    focal = _FOCAL * width
-    info = CameraInfo(header=header, width=width, height=height, distortion_model="plumb_bob")
-    info.k = [focal, 0.0, (width - 1) / 2, 0.0, focal, (height - 1) / 2, 0.0, 0.0, 1.0]
-    info.d = [0.0] * 5
-    return info
+def _truth(args: argparse.Namespace) -> Calibration:
+    """Return the truth of a film by the stamps that are sent."""
+    truth = read_result(args.film / "truth.yaml")
+    begin_s, end_s = (_FIRST_S + t for t in truth.window_s)
+    return replace(
+        truth,
+        cameras=truth.cameras[: args.cameras],
+        epoch_s=_FIRST_S + truth.epoch_s,
+        window_s=(begin_s, end_s),
+    )
+
+
+def _shots(args: argparse.Namespace) -> Iterator[Shot]:
+    """Yield the images of all cameras in the order of time, from 0 to the given seconds."""
+    cameras = range(args.cameras)
+    every = (_filmed(c, args) if args.film else _noise(c, args) for c in cameras)
+    shots = heapq.merge(*every, key=lambda shot: (shot.due_s, shot.camera))
+    return takewhile(lambda shot: shot.due_s < args.seconds, shots)
+
+
+def _filmed(camera: int, args: argparse.Namespace) -> Iterator[Shot]:
+    truth = _truth(args)
+    first_s = min(one.time_offset_s for one in truth.cameras)
+    one = truth.cameras[camera]
+    film = open_film(one.name, args.film / f"{one.name}.mp4")
+    for stamp_s, pixels in film_images(film, limit_hz=args.hz):
+        yield Shot(stamp_s + one.time_offset_s - first_s, camera, stamp_s, pixels)
+
+
+def _noise(camera: int, args: argparse.Namespace) -> Iterator[Shot]:
+    width, height = args.size
+    pixels = np.random.default_rng(camera).integers(0, 256, (height, width, 3), dtype=np.uint8)
+    for k in range(round(args.hz * args.seconds)):
+        due_s = (k + camera / args.cameras) / args.hz
+        yield Shot(due_s, camera, due_s + camera * _APART_S, pixels)
 
 
 def _image(header: Header, pixels: NDArray[np.uint8]) -> Any:
@@ -228,12 +272,12 @@ def _image(header: Header, pixels: NDArray[np.uint8]) -> Any:
     return image
 
 
-def _report(
+def _rows(
     args: argparse.Namespace,
     heard: Heard,
     sent: dict[str, dict[int, float]],
     used_s: Sequence[float],
-) -> int:
+) -> list[Row]:
     n_sent = sum(len(stamps) for stamps in sent.values())
     delays_ms = [
         1e3 * (at - sent[name][stamp])
@@ -251,8 +295,7 @@ def _report(
     needed = max(n_sent - total["not_needed"], 1)
     lost = 1 - n_poses / needed
     p50, p95 = np.percentile(delays_ms or [np.nan], [50, 95])
-    solver = heard.counts.get("calibrator: solver", {})
-    rows = [
+    return [
         Row("sent", f"{n_sent} images, {total['received']} received", "", None),
         Row("not needed", f"{total['not_needed']}", "", None),
         Row("dropped", f"{total['dropped']} for newer ones", "", None),
@@ -262,15 +305,31 @@ def _report(
         Row("delay", f"median {p50:.0f} ms, 95 % {p95:.0f} ms", "", None),
         Row("image", f"{max((c['image_ms'] for c in counts), default='')} ms", "", None),
         Row("CPU", ", ".join(f"{s / args.seconds:.0%}" for s in used_s), "", None),
-        Row("calibrator", solver.get("last_status", "") or "no calibration", "", None),
     ]
+
+
+def _calibration_rows(
+    args: argparse.Namespace, heard: Heard, found: Calibration | None
+) -> Iterator[Row]:
+    """What the calibrator has found in the film; noise has nobody in it."""
+    if not args.film:
+        return
+    yield Row("calibrator", heard.calibrated.partition(";")[0], "", found is not None)
+    if found is not None:
+        errors = evaluate(found, _truth(args))
+        offset_s = max(abs(camera.offset_s) for camera in errors.cameras)
+        yield Row("E_R", f"{errors.E_R:.4f} rad", "", None)
+        yield Row("E_t", f"{errors.E_t:.4f}", "", None)
+        yield Row("offset", f"{1e3 * offset_s:.1f} ms, the largest", "", None)
+
+
+def _title(args: argparse.Namespace) -> str:
     width, height = args.size
-    title = (
-        f"{args.cameras} x {width} x {height} at {args.hz:g} Hz for {args.seconds:g} s, "
-        f"{args.estimator}; CPU of the estimator and the calibrator, of a core"
+    what = f"{args.film}" if args.film else f"{width} x {height}"
+    return (
+        f"{args.cameras} x {what} at {args.hz:g} Hz for {args.seconds:g} s, {args.estimator}; "
+        "CPU of the estimator and the calibrator, of a core"
     )
-    print_rows(title, rows, file=sys.stdout)
-    return 0 if lost <= MAX_LOST and changed == 0 else 1
 
 
 if __name__ == "__main__":

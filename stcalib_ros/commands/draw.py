@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from stcalib_ros.core.model.calibration import Calibration
     from stcalib_ros.estimation.poses import UInt8Array
     from stcalib_ros.io.films import Film
+    from stcalib_ros.report.undistort import Undistortion
 
 # What computes is imported by the functions that need it, for `--help` to be quick.
 
@@ -23,6 +24,7 @@ Draw the people of a result into the images of all cameras at one time.
 
   stcalib draw walk.yaml walk.mcap --films cam0.mp4 cam1.mp4 cam2.mp4 --output walk.png
   stcalib draw walk.yaml walk.mcap --films cam0.mp4 cam1.mp4 cam2.mp4 --output walk_drawn.mp4
+  stcalib draw walk.yaml walk.mcap --films cam0.mp4 cam1.mp4 cam2.mp4 --output walk.png --undistort
 
 Lines in the colour of a person are their joints as all cameras together see them in 3D, projected
 into each; white dots are the keypoints of the pose estimator in that image. Where poses, lenses and
@@ -67,6 +69,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"seconds of the film (default: {DEFAULT_DURATION_S:g})",
     )
     parser.add_argument(
+        "--undistort",
+        action="store_true",
+        help="remove the distortion of the lenses: what is straight in the room is straight in the "
+        "picture where a lens is right",
+    )
+    parser.add_argument(
         *("-c", "--config"), type=Path, metavar="FILE", help="as for `stcalib calibrate`"
     )
 
@@ -96,7 +104,8 @@ def run(args: argparse.Namespace) -> None:
     recording, capture = captured(args, calibration)
     seen = people_in_images(recording, calibration, capture.people, min_score=Options().min_score)
     times_s = _times_s(args, seen, is_film)
-    pictures = _pictures(seen, films, times_s)
+    lenses = _undistortions(calibration, films) if args.undistort else {}
+    pictures = _pictures(seen, films, times_s, lenses)
     n = write_picture(args.output, pictures, rate_hz=_rate_hz(seen))
     begin_s = times_s[0] - float(seen.times_s()[0])
     what = f"{n} images from {begin_s:.2f} s on" if is_film else f"{begin_s:.2f} s"
@@ -152,8 +161,18 @@ def _rate_hz(seen: PeopleInImages) -> float:
     return 1.0 / frame_period(seen.times_s())
 
 
+def _undistortions(calibration: Calibration, films: Mapping[str, Film]) -> dict[str, Undistortion]:
+    from stcalib_ros.report.undistort import undistortion_of
+
+    cameras = [camera for camera in calibration.cameras if camera.name in films]
+    return {camera.name: undistortion_of(camera) for camera in cameras}
+
+
 def _pictures(
-    seen: PeopleInImages, films: Mapping[str, Film], times_s: Sequence[float]
+    seen: PeopleInImages,
+    films: Mapping[str, Film],
+    times_s: Sequence[float],
+    lenses: Mapping[str, Undistortion],
 ) -> Iterator[UInt8Array]:
     """Yield the pictures of all times, with one image of each film in memory."""
     from stcalib_ros.core.reconstruction.trajectories import bones
@@ -169,7 +188,8 @@ def _pictures(
         for one in moment:
             image = next(images.get(one.camera.name, iter(())), None)
             if image is not None:
-                shown.append((one, image))
+                lens = lenses.get(one.camera.name)
+                shown.append((lens.people(one), lens.image(image)) if lens else (one, image))
         if shown:
             yield mosaic(shown, lines, begin_s, list(films))
 

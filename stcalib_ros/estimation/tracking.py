@@ -4,13 +4,14 @@ Every person goes on as before, and poses are assigned to where they are expecte
 (H. W. Kuhn, "The Hungarian method for the assignment problem", 1955). A pose that is far
 from all of them begins a person of its own. Limits are those of
 `stcalib_ros.core.lifting.track_linking`: an interrupted track costs a calibration little, one that
-changes to somebody else much.
+changes to somebody else much. So, where two people meet and either could be the one who is seen,
+both get new ids.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +33,7 @@ from stcalib_ros.core.model.keypoint_layouts import DETAILS, Layout
 from stcalib_ros.estimation.limits import (
     JOINT_MEMORY_S,
     MAX_SAME_PERSON,
+    MIN_DISTINCTION,
     MIN_SIZE_PX,
     SIZE_TIME_S,
     SWING_S,
@@ -88,6 +90,8 @@ class _Person:
     size : float
         Larger side of the box around the joints, px.
     sides : Sides
+    has_poses : bool
+        Whether there is a pose of this id.
     """
 
     track_id: int
@@ -97,6 +101,7 @@ class _Person:
     seen_s: Float64Array
     size: float
     sides: Sides
+    has_poses: bool = True
 
     def expected(self, stamp_s: float) -> Float64Array:
         """Return where the joints (J, 2) are expected at some time, px."""
@@ -123,6 +128,7 @@ class _Person:
         self.velocity = np.where(remembered, self.velocity, np.nan)
         shrunk = self.size * math.exp(-gap_s / SIZE_TIME_S)
         self.size, self.stamp_s = max(_size(found), shrunk), stamp_s
+        self.has_poses = True
         return order
 
     def _update_velocity(self, found: Float64Array, gap_s: float) -> None:
@@ -246,16 +252,21 @@ class PersonTracker:
         unknown = np.full(found.shape, np.nan)
         seen_s = np.where(np.isfinite(found).all(-1), stamp_s, -np.inf)
         size, sides = _size(found), new_sides(self._parts)
-        self._people.append(
-            _Person(self._next_id, stamp_s, found.copy(), unknown, seen_s, size, sides)
-        )
+        person = _Person(self._new_id(), stamp_s, found.copy(), unknown, seen_s, size, sides)
+        self._people.append(person)
+
+    def _new_id(self) -> int:
         self._next_id += 1
+        return self._next_id - 1
 
     def _assigned(self, stamp_s: float, found: Float64Array) -> dict[int, _Person]:
         """Return the person that each pose (P, J, 2) goes on, by its index; none where nobody."""
         cost = self._costs(stamp_s, found)
-        pairs = zip(*assign(cost), strict=True)
-        return {int(b): self._people[a] for a, b in pairs if cost[a, b] < _FORBIDDEN}
+        pairs = zip(*map(np.ndarray.tolist, assign(cost)), strict=True)
+        pose_of = {a: b for a, b in pairs if cost[a, b] < _FORBIDDEN}
+        for a in _confusable(cost, pose_of, [person.has_poses for person in self._people]):
+            self._people[a].track_id, self._people[a].has_poses = self._new_id(), False
+        return {b: self._people[a] for a, b in pose_of.items()}
 
     def _costs(self, stamp_s: float, found: Float64Array) -> Float64Array:
         """Distances (A, B) of poses from where persons are expected, in their sizes."""
@@ -274,6 +285,28 @@ class PersonTracker:
         possible = moved < TRACK_JUMP + TRACK_SPEED * gap_s
         possible &= astray < MAX_ASTRAY + STRAY_SPEED * gap_s
         return np.where(possible, astray, _FORBIDDEN)
+
+
+def _confusable(
+    cost: Float64Array, pose_of: Mapping[int, int], has_poses: Sequence[bool]
+) -> Collection[int]:
+    """Return the people who could as well be one another.
+
+    If two change places, or one who is not seen takes the pose of another, the costs (A, B) rise by
+    less than `MIN_DISTINCTION`. Somebody with a new id that has no poses cannot be mistaken.
+    """
+    confusable: set[int] = set()
+    for a, pose in pose_of.items():
+        for other in range(len(cost)):
+            others_pose = pose_of.get(other)
+            if other == a or (others_pose is None and not has_poses[other]):
+                continue
+            rise = cost[other, pose] - cost[a, pose]
+            if others_pose is not None:
+                rise += cost[a, others_pose] - cost[other, others_pose]
+            if rise < MIN_DISTINCTION:
+                confusable |= {a, other}
+    return sorted(confusable)
 
 
 def _distance(away: Float64Array) -> Float64Array:

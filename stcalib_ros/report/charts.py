@@ -19,6 +19,8 @@ _MOST_POINTS = 800
 """Points of a line: as many as a screen has columns."""
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 _HAIR = 1e-9
+_MANY = 10_000
+"""Count from which on thousands are written, for four digits at most."""
 _MIDDLE = 0.5
 """Fraction of the width, right of which a name stands to the left of its line."""
 
@@ -36,6 +38,8 @@ class Line:
         Dots instead of a line.
     filled : bool
         Filled down to the axis.
+    to : (N,) ndarray, optional
+        A band from `y` to these values, instead of a line.
     """
 
     x: Float64Array
@@ -43,6 +47,7 @@ class Line:
     color: str
     dots: bool = False
     filled: bool = False
+    to: Float64Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,13 +98,27 @@ def chart(
     *,
     marks: Sequence[Mark] = (),
     names: Sequence[tuple[str, str]] = (),
+    counts: Sequence[tuple[float, int]] = (),
 ) -> str:
-    """Return a chart as markup; all texts are plain, `names` those of lines with their colours."""
+    """Return a chart as markup; all texts are plain.
+
+    Parameters
+    ----------
+    title : str
+    lines : sequence of Line
+    x, y : Axis
+    marks : sequence of Mark, optional
+    names : sequence of (str, str), optional
+        Names of lines, with their colours.
+    counts : sequence of (float, int), optional
+        Numbers along the x axis, with their places.
+    """
     paths = [_tick_lines(x, y), *(_path(line, x, y) for line in lines)]
     paths += [_upright(mark, x) for mark in marks]
     labels = [_label("x", tick, float(x.place(tick)), x.ticks()) for tick in x.ticks()]
     labels += [_label("y", tick, 1.0 - float(y.place(tick)), y.ticks()) for tick in y.ticks()]
     labels += [_mark_label(mark, x, k) for k, mark in enumerate(marks)]
+    labels += [_count_label(n, float(x.place(place))) for place, n in counts]
     legend = " ".join(f'<b style="color:{color}">{escape(name)}</b>' for name, color in names)
     return (
         f'<figure class="chart"><figcaption>{escape(title)}</figcaption>\n'
@@ -124,6 +143,8 @@ def _path(line: Line, x: Axis, y: Axis) -> str:
     if line.dots:
         d = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(px[known], py[known], strict=True))
         return f'<path class="dots" style="stroke:{line.color}" d="{d}"/>'
+    if line.to is not None:
+        return _band(line, px[known], py[known], _HEIGHT * (1.0 - y.place(line.to[every][known])))
     begin = known & ~np.concatenate([[False], known[:-1]])
     d = "".join(
         f"{'M' if new else 'L'}{a:.1f} {b:.1f}"
@@ -133,6 +154,13 @@ def _path(line: Line, x: Axis, y: Axis) -> str:
         base = f"L{px[known][-1]:.1f} {_HEIGHT:.0f}L{px[known][0]:.1f} {_HEIGHT:.0f}Z"
         return f'<path class="area" style="fill:{line.color}" d="{d}{base}"/>'
     return f'<path class="line" style="stroke:{line.color}" d="{d}"/>'
+
+
+def _band(line: Line, px: Float64Array, py: Float64Array, to: Float64Array) -> str:
+    there = [f"{a:.1f} {b:.1f}" for a, b in zip(px, py, strict=True)]
+    back = [f"{a:.1f} {b:.1f}" for a, b in zip(px[::-1], to[::-1], strict=True)]
+    d = f"M{'L'.join([*there, *back])}Z" if there else ""
+    return f'<path class="band" style="fill:{line.color}" d="{d}"/>'
 
 
 def _upright(mark: Mark, x: Axis) -> str:
@@ -148,6 +176,11 @@ def _label(side: str, value: float, place: float, ticks: Sequence[float]) -> str
     text = text.lstrip("-") if float(text) == 0.0 else text
     where = f"{'left' if side == 'x' else 'top'}:{100.0 * place:.2f}%"
     return f'<span class="tick {side}" style="{where}">{text}</span>'
+
+
+def _count_label(n: int, place: float) -> str:
+    text = str(n) if n < _MANY else f"{n / 1000.0:.0f}k"
+    return f'<span class="tick count" style="left:{100.0 * place:.2f}%">{text}</span>'
 
 
 def _mark_label(mark: Mark, x: Axis, row: int) -> str:

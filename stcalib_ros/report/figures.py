@@ -12,8 +12,10 @@ from matplotlib.figure import Figure
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.io.files import atomic_path
+from stcalib_ros.report.angles import errors_by_angle
 from stcalib_ros.report.content import ReportContent
 from stcalib_ros.report.curves import liveliest_movement
+from stcalib_ros.report.draw_angles import angles_figure
 from stcalib_ros.report.draw_errors import errors_figure
 from stcalib_ros.report.draw_sightings import sightings_figure
 from stcalib_ros.report.fits import camera_fits
@@ -78,6 +80,7 @@ def _drawn(content: ReportContent) -> Mapping[str, Callable[[ReportContent], Fig
         figures["overview"] = _overview
     if content.evidence is not None:
         figures["residuals"] = _residuals
+        figures["residuals_by_angle"] = _residuals_by_angle
     return figures
 
 
@@ -96,6 +99,12 @@ def _title(c: Calibration) -> str:
 def _residuals(content: ReportContent) -> Figure:
     names = [camera.name for camera in content.calibration.cameras]
     return errors_figure(camera_fits(content.evidence, names))
+
+
+def _residuals_by_angle(content: ReportContent) -> Figure:
+    lenses = {camera.name: camera.intrinsics for camera in content.calibration.cameras}
+    fits = camera_fits(content.evidence, list(lenses))
+    return angles_figure([errors_by_angle(fit, lenses[fit.name]) for fit in fits])
 
 
 def _tracks(content: ReportContent) -> Figure:

@@ -10,7 +10,7 @@ import numpy as np
 from stcalib_ros.core.bundle.observations import Observations
 from stcalib_ros.core.bundle.residuals import errors_px, residuals_px
 from stcalib_ros.core.capture.evidence import CaptureEvidence
-from stcalib_ros.core.geometry.lens import project
+from stcalib_ros.core.geometry.lens import project_plane
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 from stcalib_ros.core.model.recording import Intrinsics
 
@@ -98,7 +98,7 @@ def _pixels(x: Float64Array, lens: Intrinsics | None) -> Float64Array:
     """Places in the image of points (M, 2) on the plane z = 1."""
     if lens is None:
         return np.full(x.shape, np.nan)
-    return project(np.concatenate([x, np.ones_like(x[:, :1])], -1), lens)
+    return project_plane(x, lens)
 
 
 def _person_px(obs: Observations, c: int) -> float:

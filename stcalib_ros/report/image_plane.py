@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.recording import Intrinsics
-from stcalib_ros.report.charts import Axis, Line, chart
+from stcalib_ros.report.angles import ErrorsByAngle
+from stcalib_ros.report.charts import Axis, Line, axis_of, chart
 from stcalib_ros.report.fits import KeypointFit
 
 _COLUMNS = 12
@@ -19,6 +21,10 @@ _LEAST = 15
 _BINS = 40
 _ARROW = 0.9
 """Length of the longest arrow in cells."""
+_ERROR = "#7D8690"
+"""Grey of errors beside the colour of a camera, on light and dark pages."""
+_FOR_COUNTS = 0.2
+"""Fraction of the height of a chart, below its curves, for the numbers of keypoints."""
 
 
 def plane(fit: KeypointFit, lens: Intrinsics, limit_px: float) -> str:
@@ -90,4 +96,32 @@ def error_histogram(fit: KeypointFit, color: str, limit_px: float) -> str:
         lines,
         Axis(0.0, limit_px, "error, px (the last bar: this and more)"),
         top,
+    )
+
+
+def angle_axis(cameras: Sequence[ErrorsByAngle]) -> Axis:
+    """Return the axis of errors that all cameras have in common, with room for numbers below."""
+    values = [quartiles.ravel() for one in cameras for quartiles in (one.error_px, one.outward_px)]
+    axis = axis_of([*values, np.zeros(1)], "px", least=1.0)
+    return Axis(axis.low - _FOR_COUNTS * (axis.high - axis.low), axis.high, axis.name)
+
+
+def angle_chart(camera: ErrorsByAngle, color: str, y: Axis) -> str:
+    """Return the quartiles of errors, and of their part away from the optical axis, by angle."""
+    lines = []
+    for quartiles, shade in ((camera.error_px, _ERROR), (camera.outward_px, color)):
+        low, median, high = quartiles.T
+        lines.append(Line(camera.angle_deg, low, shade, to=high))
+        lines.append(Line(camera.angle_deg, median, shade))
+    last = float(camera.angle_deg.max(initial=0.0)) + camera.width_deg / 2.0
+    x = Axis(0.0, last, "angle from the optical axis, degrees (numbers: keypoints)")
+    zero = Line(np.array([x.low, x.high]), np.zeros(2), "#888")
+    counts = zip(camera.angle_deg.tolist(), camera.counts.tolist(), strict=True)
+    return chart(
+        f"{camera.name}: error by angle",
+        [zero, *lines],
+        x,
+        y,
+        names=[("error", _ERROR), ("outward part", color)],
+        counts=list(counts),
     )

@@ -11,7 +11,7 @@ import numpy as np
 from stcalib_ros.core.capture.reprojection import ImageOfPeople
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.estimation.poses import UInt8Array
-from stcalib_ros.report.style import FIGURES
+from stcalib_ros.report.style import BACKGROUND, FIGURES
 
 WIDTH_PX = 1920
 """Pixels. Width of the whole picture, of which all cameras have a part: a usual screen's."""
@@ -21,7 +21,6 @@ _GAP_PX = 6
 """Pixels between the images of two cameras."""
 _STRIP_PX = 34
 """Pixels. Height of the line of text over an image."""
-_BACKGROUND = (34, 30, 27)
 _WHITE = (255, 255, 255)
 _DARK = (20, 20, 20)
 _FONT = cv2.FONT_HERSHEY_DUPLEX
@@ -58,14 +57,14 @@ def mosaic(
         _tile(*by_name[name], size, lines, begin_s) if name in by_name else _empty(name, size)
         for name in cameras
     ]
-    blank = np.full_like(tiles[0], _BACKGROUND)
+    blank = np.full_like(tiles[0], BACKGROUND)
     tiles += [blank] * (-len(tiles) % columns)
-    gap = np.full((tiles[0].shape[0], _GAP_PX, 3), _BACKGROUND, np.uint8)
+    gap = np.full((tiles[0].shape[0], _GAP_PX, 3), BACKGROUND, np.uint8)
     rows = []
     for first in range(0, len(tiles), columns):
         parts = [part for tile in tiles[first : first + columns] for part in (tile, gap)][:-1]
         rows.append(np.concatenate(parts, axis=1))
-    between = np.full((_GAP_PX, rows[0].shape[1], 3), _BACKGROUND, np.uint8)
+    between = np.full((_GAP_PX, rows[0].shape[1], 3), BACKGROUND, np.uint8)
     picture = np.concatenate([part for row in rows for part in (row, between)][:-1])
     height, width = (side - side % 2 for side in picture.shape[:2])  # films have even sides
     return np.ascontiguousarray(picture[:height, :width])
@@ -111,7 +110,7 @@ def _tile(
 
 
 def _empty(name: str, size: tuple[int, int]) -> UInt8Array:
-    tile = np.full((size[1] + _STRIP_PX, size[0], 3), _BACKGROUND, np.uint8)
+    tile = np.full((size[1] + _STRIP_PX, size[0], 3), BACKGROUND, np.uint8)
     _text(tile, name, (8, 24))
     return tile
 

@@ -17,12 +17,13 @@ from stcalib_ros.core.model.rejection import RemarkCode
 from stcalib_ros.core.model.rejection_text import labelled, remark_sentence
 from stcalib_ros.core.options import Options
 from stcalib_ros.report import tables
+from stcalib_ros.report.angles import errors_by_angle
 from stcalib_ros.report.charts import Axis, Line, Mark, axis_of, chart
 from stcalib_ros.report.clocks import CameraClock
 from stcalib_ros.report.content import ReportContent
 from stcalib_ros.report.curves import Movement, liveliest_movement
 from stcalib_ros.report.fits import KeypointFit
-from stcalib_ros.report.image_plane import error_histogram, plane
+from stcalib_ros.report.image_plane import angle_axis, angle_chart, error_histogram, plane
 from stcalib_ros.report.markup import (
     DATA,
     coded,
@@ -48,6 +49,13 @@ _LEAST_HIGH = 1.5
 """Ratio of errors to which the curves of time offsets reach at least."""
 _LEAST_MS = 4.0
 """Milliseconds. Least height of a chart of the change of an offset: less is noise."""
+_ANGLES_HELP = (
+    "Error by angle: medians as lines, the middle half of the keypoints as bands. Outward part: "
+    "how much further from the optical axis joints are projected than their keypoints are. With a "
+    "right lens it stays near zero. If it clearly leaves zero towards the edge of the image, the "
+    "distortion is wrong: calibrate again with --intrinsics refine. A wrong focal length hardly "
+    "shows here, because poses compensate for it."
+)
 _ADVICE = {
     RemarkCode.LEAST_CONSTRAINED_CAMERA,
     RemarkCode.SHARE_MORE_VIEW,
@@ -204,14 +212,19 @@ def residuals_section(content: ReportContent, fits: Sequence[KeypointFit]) -> st
         "are of the keypoints of people whom another camera sees at the same time. An even image "
         "with short arrows is what a right lens looks like."
     )
-    pairs = [
+    by_angle = [errors_by_angle(fit, lenses[fit.name]) for fit in fits]
+    axis = angle_axis(by_angle)
+    rows = [
         side_by_side(
             error_histogram(fit, colors[fit.name], limit_px),
             plane(fit, lenses[fit.name], darkest_px),
+            angle_chart(one, colors[fit.name], axis),
         )
-        for fit in fits
+        for fit, one in zip(fits, by_angle, strict=True)
     ]
-    return section("Residuals", paragraph(text, faint=True), *pairs)
+    return section(
+        "Residuals", paragraph(text, faint=True), paragraph(_ANGLES_HELP, faint=True), *rows
+    )
 
 
 def pairs_section(c: Calibration) -> str:

@@ -28,6 +28,9 @@ PEOPLE_ON_SCREEN = ("#8A7355", "#6C8496", "#9A7396", "#74915A", "#B0705F", "#5F8
 FIGURES = ("#F5C400", "#56C1FF", "#FF7A59", "#7CE577", "#E58CF0", "#FFFFFF")
 """One bright colour per person, for images of cameras."""
 
+BACKGROUND = (34, 30, 27)
+"""Blue, green, red, around images of cameras."""
+
 DPI = 160
 
 INK = "#22262B"

@@ -63,6 +63,39 @@ def test_two_who_cross_keep_their_ids(rng, rate):
     assert [list(row) for row in set(map(tuple, seen))] == [seen[0]]
 
 
+def follow_two(places):
+    """Ids at each of the times, for as many people as have a place then."""
+    tracker = PersonTracker(LAYOUT)
+    return [
+        tracker.follow(0.1 * k, found(*(at(x) for x in xs)))[1].tolist()
+        for k, xs in enumerate(places)
+    ]
+
+
+MEETING = [(100, 220), (110, 210), (120, 200), (130, 190), (140, 180)]
+
+
+@pytest.mark.parametrize("after", [[(150, 170), (140, 180)], [(170, 150), (180, 140)]])
+def test_who_was_seen_as_one_with_somebody_else_gets_a_new_id(after):
+    """Whether they walk on or turn back is not to be seen in the pose between them."""
+    ids = follow_two([*MEETING, (160,), (160,), *after])
+    assert ids[: len(MEETING)] == [[0, 1]] * len(MEETING)
+    for later in ids[5:]:
+        assert not {0, 1} & set(later)
+    assert ids[-1] == ids[-2]
+
+
+def test_where_it_is_clear_who_is_seen_both_keep_their_ids():
+    ids = follow_two([*((x, 190) for x in range(100, 160, 10)), (160,), (170, 190)])
+    assert ids == [[0, 1]] * 6 + [[0], [0, 1]]
+
+
+def test_people_who_cannot_be_told_apart_get_one_new_id_each_not_one_an_image():
+    ids = follow_two([(100, 130)] * 3 + [(115,)] * 4)
+    assert ids[2] == [0, 1]
+    assert len({row[0] for row in ids[3:]}) == 1
+
+
 def test_a_gap_shorter_than_the_memory_keeps_the_id_and_a_longer_one_does_not():
     tracker = PersonTracker(LAYOUT)
     ids = [tracker.follow(s, found(at(100 + 80 * s)))[1][0] for s in (0.0, 0.1, 0.2, 0.6, 0.7, 1.8)]

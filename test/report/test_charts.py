@@ -34,7 +34,7 @@ def test_an_axis_has_room_for_all_values() -> None:
 
 def drawn(line: Line) -> str:
     html = chart("a", [line], Axis(0.0, 1.0, "x"), Axis(0.0, 1.0, "y"))
-    return re.findall(r'class="(?:line|dots|area)"[^>]* d="([^"]*)"', html)[0]
+    return re.findall(r'class="(?:line|dots|area|band)"[^>]* d="([^"]*)"', html)[0]
 
 
 def test_a_gap_is_a_gap() -> None:
@@ -62,3 +62,16 @@ def test_zero_has_no_sign() -> None:
     html = chart("a", [], Axis(-1.0, 1.0, "x"), Axis(-1.0, 1.0, "y"))
     assert ">0.0<" in html
     assert "-0.0<" not in html
+
+
+def test_a_band_goes_there_and_back() -> None:
+    x, y, to = np.array([0.0, 0.5, 1.0]), np.array([0.1, np.nan, 0.2]), np.array([0.5, 0.6, 0.7])
+    path = drawn(Line(x, y, "#000", to=to))
+    assert path == "M0.0 900.0L1000.0 800.0L1000.0 300.0L0.0 500.0Z"
+
+
+def test_large_counts_have_four_digits_at_most() -> None:
+    axis = Axis(0.0, 1.0, "x")
+    html = chart("a", [], axis, axis, counts=[(0.25, 9999), (0.5, 12_345)])
+    assert 'left:25.00%">9999<' in html
+    assert 'left:50.00%">12k<' in html

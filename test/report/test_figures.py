@@ -48,7 +48,7 @@ def shows(picture: np.ndarray, color: str) -> int:
 def test_every_figure_is_written_for_a_talk_and_for_a_paper(written: Path) -> None:
     names = [
         f"{name}.{suffix}"
-        for name in ("overview", "residuals", "tracks")
+        for name in ("overview", "residuals", "residuals_by_angle", "tracks")
         for suffix in ("png", "svg")
     ]
     assert sorted(path.name for path in written.iterdir()) == names
@@ -85,7 +85,7 @@ def test_histograms_of_any_number_of_cameras(fits: tuple[KeypointFit, ...], n: i
     assert [t for t in titles if t] == [f"cam{i}" for i in range(n)]
 
 
-@pytest.mark.parametrize("name", ["residuals", "tracks"])
+@pytest.mark.parametrize("name", ["residuals", "residuals_by_angle", "tracks"])
 def test_figures_have_the_cameras_colours(written: Path, name: str) -> None:
     picture = pixels((written / f"{name}.png").read_bytes())
     assert all(shows(picture, color) > 1000 for color in PALETTE[:3])

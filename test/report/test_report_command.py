@@ -95,7 +95,7 @@ def test_a_report_of_a_finished_result(
     assert "Residuals are those of this recording by the finished result" in html
     said = capsys.readouterr().out
     assert said.startswith(f"Written to {finished / 'out.html'}, ")
-    assert len(list(figures.iterdir())) == 6
+    assert len(list(figures.iterdir())) == 8
 
 
 def test_a_report_of_a_refused_result(finished: Path, tmp_path: Path) -> None:

@@ -33,6 +33,11 @@ def project(points_cam: Float64Array, intrinsics: Intrinsics) -> Float64Array:
     return pixels.reshape(*np.shape(points_cam)[:-1], 2)
 
 
+def project_plane(x: Float64Array, intrinsics: Intrinsics) -> Float64Array:
+    """Pixels (..., 2) of points (..., 2) on the plane z = 1 of the optical frame; NaN of NaN."""
+    return project(np.concatenate([x, np.ones((*x.shape[:-1], 1))], -1), intrinsics)
+
+
 def _distort(points: Float64Array, intrinsics: Intrinsics) -> Float64Array:
     zero = np.zeros(3)
     D = intrinsics.D if intrinsics.D.size else np.zeros(4)
@@ -125,8 +130,7 @@ def change_lens(
     focal : (...) ndarray
         As by `bearings`.
     """
-    rays = np.concatenate([x, np.ones((*x.shape[:-1], 1))], -1)
-    return bearings(project(rays, before), after)
+    return bearings(project_plane(x, before), after)
 
 
 def _is_pinhole(intrinsics: Intrinsics) -> bool:

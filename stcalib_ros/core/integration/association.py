@@ -26,6 +26,7 @@ from stcalib_ros.core.geometry.robust import median_of_known
 from stcalib_ros.core.geometry.so3 import hat
 from stcalib_ros.core.integration.limits import (
     BODY_WEIGHT,
+    FEW_SAMPLES_COST,
     MAX_COST,
     MAX_DEPTH_ERROR,
     MERGE_COST,
@@ -184,11 +185,13 @@ def _pieces(
 class _Distance:
     """Epipolar distance (px) and distance of the bodies of all pieces of two cameras in a slot.
 
-    The latter over the largest at which they may be one; zero where it is not known.
+    The latter over the largest at which they may be one; zero where it is not known. Also the
+    number of samples in which both are seen.
     """
 
     epipolar: Float64Array  # (n, m)
     body: Float64Array  # (n, m)
+    n_shared: IntArray  # (n, m)
 
 
 _Distances = dict[tuple[int, int], _Distance]
@@ -222,7 +225,8 @@ def _distance(a: _Pieces, b: _Pieces, R_a_b: Float64Array, t_a_b: Float64Array) 
         gap = np.linalg.norm(a.body[i] - b.body, axis=-1)
         reach = MAX_DEPTH_ERROR * (a.depth[i] + b.depth)
         body[i] = median_of_known(gap / reach, otherwise=0.0)
-    return _Distance(epipolar, body)
+    n_shared = a.present.astype(np.int64) @ b.present.T.astype(np.int64)
+    return _Distance(epipolar, body, n_shared)
 
 
 def _tolerance(distance: Sequence[_Distances], floor_px: float) -> float:
@@ -265,7 +269,7 @@ def _agglomerate(
     """Average-link clusters of the pieces (camera, track) of one slot."""
     pieces = [(c, p) for c, one in enumerate(in_slot) for p in range(len(one.track))]
     n = len(pieces)
-    cost, known = np.zeros((n, n)), np.zeros((n, n))
+    cost, known, shared = np.zeros((3, n, n))
     exclusive = np.eye(n, dtype=bool)
     for i, (a, p) in enumerate(pieces):
         for j in range(i + 1, n):
@@ -279,29 +283,39 @@ def _agglomerate(
             if np.isfinite(value):
                 cost[i, j] = cost[j, i] = min(float(value), MAX_COST)
                 known[i, j] = known[j, i] = 1.0
-    groups = _average_link(cost, known, exclusive)
+                shared[i, j] = shared[j, i] = d.n_shared[p, q]
+    groups = _average_link(cost, known, shared, exclusive)
     return [[(c, int(in_slot[c].track[p])) for c, p in (pieces[i] for i in g)] for g in groups]
 
 
-def _average_link(cost: Float64Array, known: Float64Array, exclusive: BoolArray) -> list[list[int]]:
-    """Merge the closest groups while their mean cost is below one and nothing forbids it."""
-    cost, known, exclusive = cost.copy(), known.copy(), exclusive.copy()
+def _average_link(
+    cost: Float64Array, known: Float64Array, shared: Float64Array, exclusive: BoolArray
+) -> list[list[int]]:
+    """Merge the closest groups while their mean cost is below one and nothing forbids it.
+
+    Of groups about equally close, those that are seen together in more samples come first: where
+    there is one, strangers may look as close by chance.
+    """
+    cost, known, shared = cost.copy(), known.copy(), shared.copy()
+    exclusive = exclusive.copy()
     groups = [[i] for i in range(len(cost))]
     while len(groups) > 1:
-        mean = np.where((known > 0) & ~exclusive, cost / np.maximum(known, 1.0), np.inf)
-        i, j = sorted(np.unravel_index(int(mean.argmin()), mean.shape))
-        if mean[i, j] >= MERGE_COST:
+        mean = cost / np.maximum(known, 1.0)
+        possible = (known > 0) & ~exclusive & (mean < MERGE_COST)
+        if not possible.any():
             break
+        order = np.where(possible, mean + FEW_SAMPLES_COST / np.maximum(shared, 1.0), np.inf)
+        i, j = sorted(np.unravel_index(int(order.argmin()), order.shape))
         groups[i] += groups.pop(j)
-        for matrix in (cost, known):
+        for matrix in (cost, known, shared):
             matrix[i] += matrix[j]
             matrix[:, i] += matrix[:, j]
         exclusive[i] |= exclusive[j]
         exclusive[:, i] |= exclusive[:, j]
         exclusive[i, i] = True
         keep = np.arange(len(cost)) != j
-        cost, known = cost[np.ix_(keep, keep)], known[np.ix_(keep, keep)]
-        exclusive = exclusive[np.ix_(keep, keep)]
+        rest = np.ix_(keep, keep)
+        cost, known, shared, exclusive = cost[rest], known[rest], shared[rest], exclusive[rest]
     return groups
 
 

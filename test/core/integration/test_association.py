@@ -180,15 +180,30 @@ def test_groups_do_not_bring_together_what_is_apart():
         cost[third, one] = cost[one, third] = 0.1
         cost[third, two] = cost[two, third] = 0.2
         apart[one, two] = apart[two, one] = True
-        groups = _average_link(cost, (cost > 0).astype(float), apart)
+        known = (cost > 0).astype(float)
+        groups = _average_link(cost, known, 8 * known, apart)
         assert sorted(sorted(g) for g in groups) == sorted([sorted([one, third]), [two]])
 
 
 def test_groups_are_merged_by_mean_cost():
     cost = np.full((4, 4), 1.5)
     cost[0, 1] = cost[1, 0] = cost[2, 3] = cost[3, 2] = 0.2
-    groups = _average_link(cost, np.ones((4, 4)), np.eye(4, dtype=bool))
+    groups = _average_link(cost, np.ones((4, 4)), np.full((4, 4), 8.0), np.eye(4, dtype=bool))
     assert sorted(sorted(g) for g in groups) == [[0, 1], [2, 3]]
+
+
+def test_who_is_seen_together_for_longer_comes_first():
+    # A stranger (1) who passes is a little closer to 0 than the person (2) of the same camera.
+    cost, shared, apart = np.zeros((3, 3)), np.zeros((3, 3)), np.eye(3, dtype=bool)
+    cost[0, 1] = cost[1, 0] = 0.28
+    cost[0, 2] = cost[2, 0] = 0.30
+    shared[0, 2] = shared[2, 0] = 3.0
+    apart[1, 2] = apart[2, 1] = True
+    known = (cost > 0).astype(float)
+    for n, expected in ((1.0, [[0, 2], [1]]), (3.0, [[0, 1], [2]])):
+        shared[0, 1] = shared[1, 0] = n
+        groups = _average_link(cost, known, shared, apart)
+        assert sorted(sorted(g) for g in groups) == expected
 
 
 def test_margins_say_how_much_worse_the_next_best_is(exact_scene, exact_lifted):
