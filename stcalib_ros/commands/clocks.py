@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stcalib_ros.commands.result_and_bag import add_result_and_bag_arguments, read_bag_as_configured
 from stcalib_ros.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,8 +30,7 @@ the bag is taken as the first frame of its video.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("result", type=Path, metavar="RESULT.yaml", help="result of a calibration")
-    parser.add_argument("bag", type=Path, metavar="BAG", help="the bag that was calibrated")
+    add_result_and_bag_arguments(parser, "the bag that was calibrated")
     parser.add_argument(
         "--videos",
         nargs="+",
@@ -38,9 +38,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="CAM=FILE",
         help="videos of the cameras (default: CAM.mp4)",
-    )
-    parser.add_argument(
-        *("-c", "--config"), type=Path, metavar="FILE", help="as for `stcalib calibrate`"
     )
 
 
@@ -54,15 +51,12 @@ def run(args: argparse.Namespace) -> None:
     CalibrationError
         The result is of a calibration that was refused.
     """
-    from stcalib_ros.commands.terminal import tell, warn
+    from stcalib_ros.commands.terminal import tell
     from stcalib_ros.core.capture.cuts import video_cuts
-    from stcalib_ros.io.bag import read_bag
-    from stcalib_ros.io.config import Config, read_config
     from stcalib_ros.io.results import read_usable_result
 
-    config = Config() if args.config is None else read_config(args.config)
     calibration = read_usable_result(args.result)
-    recording = read_bag(args.bag, selection=config.selection, decoder=args.decoder, warn=warn)
+    recording, _ = read_bag_as_configured(args)
     cuts = video_cuts(recording, calibration)
     videos: Mapping[str, Path] = dict(args.videos)
     names = [cut.camera for cut in cuts]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stcalib_ros.commands.film_arguments import named_path
+from stcalib_ros.commands.result_and_bag import add_result_and_bag_arguments
 from stcalib_ros.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,8 +39,7 @@ DEFAULT_DURATION_S = 5.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("result", type=Path, metavar="RESULT.yaml", help="result of a calibration")
-    parser.add_argument("bag", type=Path, metavar="BAG", help="bag with the poses of the films")
+    add_result_and_bag_arguments(parser, "bag with the poses of the films")
     parser.add_argument(
         "--films",
         nargs="+",
@@ -73,9 +73,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="remove the distortion of the lenses: what is straight in the room is straight in the "
         "picture where a lens is right",
-    )
-    parser.add_argument(
-        *("-c", "--config"), type=Path, metavar="FILE", help="as for `stcalib calibrate`"
     )
 
 

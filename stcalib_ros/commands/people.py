@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stcalib_ros.commands.result_and_bag import add_result_and_bag_arguments, read_bag_as_configured
 from stcalib_ros.core.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -37,17 +38,13 @@ MIN_EXPLAINED = 0.5
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("result", type=Path, metavar="RESULT.yaml", help="result of a calibration")
-    parser.add_argument("bag", type=Path, metavar="BAG", help=".mcap file or rosbag2 folder")
+    add_result_and_bag_arguments(parser, ".mcap file or rosbag2 folder")
     parser.add_argument(
         *("-o", "--output"),
         type=Path,
         required=True,
         metavar="OUT.{trc,npz,mcap}",
         help="file to write",
-    )
-    parser.add_argument(
-        *("-c", "--config"), type=Path, metavar="FILE", help="as for `stcalib calibrate`"
     )
 
 
@@ -102,11 +99,8 @@ def captured(args: argparse.Namespace, calibration: Calibration) -> tuple[Record
     """
     from stcalib_ros.commands.terminal import warn
     from stcalib_ros.core.capture.people import capture_people
-    from stcalib_ros.io.bag import read_bag
-    from stcalib_ros.io.config import Config, read_config
 
-    config = Config() if args.config is None else read_config(args.config)
-    recording = read_bag(args.bag, selection=config.selection, decoder=args.decoder, warn=warn)
+    recording, config = read_bag_as_configured(args)
     found = capture_people(recording, calibration, config.options)
     off = [name for name, share in found.explained.items() if share < MIN_EXPLAINED]
     if len(found.explained) - len(off) < 2:

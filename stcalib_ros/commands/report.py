@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from stcalib_ros.commands.result_and_bag import add_result_and_bag_arguments, read_bag_as_configured
+
 # What computes is imported by the functions that need it, for `--help` to be quick.
 
 DESCRIPTION = """\
@@ -22,8 +24,7 @@ compared with the result. A refused result (walk.rejected.yaml) has a report, to
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("result", type=Path, metavar="RESULT.yaml", help="result of a calibration")
-    parser.add_argument("bag", type=Path, metavar="BAG", help=".mcap file or rosbag2 folder")
+    add_result_and_bag_arguments(parser, ".mcap file or rosbag2 folder")
     parser.add_argument(
         *("-o", "--output"),
         type=Path,
@@ -35,9 +36,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="DIR",
         help="also write the pictures for talks and papers there, as PNG and SVG",
-    )
-    parser.add_argument(
-        *("-c", "--config"), type=Path, metavar="FILE", help="as for `stcalib calibrate`"
     )
 
 
@@ -51,8 +49,6 @@ def run(args: argparse.Namespace) -> None:
         that see anybody.
     """
     from stcalib_ros.commands.terminal import tell, warn
-    from stcalib_ros.io.bag import read_bag
-    from stcalib_ros.io.config import Config, read_config
     from stcalib_ros.io.results import read_result
     from stcalib_ros.report import require_matplotlib
     from stcalib_ros.report.content import content_of_result
@@ -65,8 +61,7 @@ def run(args: argparse.Namespace) -> None:
     if args.figures is not None:
         require_matplotlib("--figures")
     calibration = read_result(args.result)
-    config = Config() if args.config is None else read_config(args.config)
-    recording = read_bag(args.bag, selection=config.selection, decoder=args.decoder, warn=warn)
+    recording, config = read_bag_as_configured(args)
     content = content_of_result(recording, calibration, config.options)
     write_report(content, output)
     if off := disagreeing(camera_fits(content.evidence, [c.name for c in calibration.cameras])):

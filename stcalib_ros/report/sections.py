@@ -13,6 +13,7 @@ import scipy
 
 from stcalib_ros import __version__
 from stcalib_ros.core.model.calibration import Calibration, Status
+from stcalib_ros.core.model.gathered_text import as_sentence
 from stcalib_ros.core.model.rejection import RemarkCode
 from stcalib_ros.core.model.rejection_text import labelled, remark_sentence
 from stcalib_ros.core.options import Options
@@ -242,7 +243,7 @@ def advice_section(c: Calibration) -> str:
         return ""
     return section(
         "What is weak, and what to do next",
-        coded((one.code.value, _as_sentence(remark_sentence(one), one.cameras)) for one in advice),
+        coded((one.code.value, as_sentence(remark_sentence(one), one.cameras)) for one in advice),
     )
 
 
@@ -251,9 +252,7 @@ def reasons_section(c: Calibration) -> str:
     parts = []
     if c.rejections:
         title = "Why it was refused" if c.status is not Status.OK else "What was left out"
-        said = [
-            (one.reason.value, _as_sentence(labelled(one), one.cameras)) for one in c.rejections
-        ]
+        said = [(one.reason.value, as_sentence(labelled(one), one.cameras)) for one in c.rejections]
         parts += [subtitle(title), coded(said)]
     if c.uncalibrated:
         left = [
@@ -262,17 +261,10 @@ def reasons_section(c: Calibration) -> str:
         parts += [subtitle("Cameras without a pose"), coded(left)]
     if about_input := [one for one in c.remarks if one.code not in _ADVICE]:
         said = [
-            (one.code.value, _as_sentence(remark_sentence(one), one.cameras)) for one in about_input
+            (one.code.value, as_sentence(remark_sentence(one), one.cameras)) for one in about_input
         ]
         parts += [subtitle("About the input"), coded(said)]
     return section("Reasons and remarks", *parts) if parts else ""
-
-
-def _as_sentence(text: str, names: Sequence[str]) -> str:
-    """With a full stop, and a capital unless it begins with the name of a camera."""
-    if any(text.startswith(name) for name in names):
-        return f"{text}."
-    return f"{text[:1].upper()}{text[1:]}."
 
 
 def made_with_section(content: ReportContent) -> str:

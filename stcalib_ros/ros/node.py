@@ -12,12 +12,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 
+from stcalib_ros.cli import run_command
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.core.model.calibration import Calibration, Status
 from stcalib_ros.core.model.lens_knowledge import LensKnowledge
@@ -53,7 +53,7 @@ from stcalib_ros.ros.parameters import Settings, declare, settings_from
 from stcalib_ros.ros.publishers import Publishers
 from stcalib_ros.ros.readiness import Trigger, moving_since, ready_cameras
 from stcalib_ros.ros.requests import Wanted
-from stcalib_ros.ros.running import spin_until, start_node, stop_on_signals
+from stcalib_ros.ros.running import running_node, spin_until
 from stcalib_ros.ros.services import Feedback, Run, Services
 from stcalib_ros.ros.subscriptions import Subscriptions
 from stcalib_ros.ros.throttle import Throttle
@@ -377,23 +377,19 @@ def main() -> int:
     if help_asked(sys.argv[1:]):
         print(calibrator_help())
         return 0
-    stop = stop_on_signals()
-    try:
-        node = start_node("calibrator")
+    return run_command("calibrator", _run)
+
+
+def _run() -> None:
+    with running_node("calibrator") as (node, stop):
         calibrator = Calibrator(node)
-    except InputError as error:
-        print(f"calibrator: {error}", file=sys.stderr)
-        return 2
-    # What is there now stays: the collector would look through it again and again, 60 ms each time.
-    gc.collect()
-    gc.freeze()
-    spin_until(stop, node)
-    if not calibrator.worker.stop(STOP_S):
-        # The solver is in the middle of a long step. Nothing is being written: leave it.
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(0)
-    calibrator.services.destroy()
-    node.destroy_node()
-    rclpy.shutdown()
-    return 0
+        # What is there now stays: the collector would look through it over and over, 60 ms each.
+        gc.collect()
+        gc.freeze()
+        spin_until(stop, node)
+        if not calibrator.worker.stop(STOP_S):
+            # The solver is in the middle of a long step. Nothing is being written: leave it.
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(0)
+        calibrator.services.destroy()

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Sequence
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from stcalib_ros.cli import run_command
 from stcalib_ros.core.errors import InputError, one_line
 from stcalib_ros.estimation.named import named_estimator
 from stcalib_ros.estimation.newest import NewestImages
@@ -34,7 +33,7 @@ from stcalib_ros.ros.limits import (
 )
 from stcalib_ros.ros.pose_estimator_parameters import IMAGE_TYPES, ImageCamera, declare_estimator
 from stcalib_ros.ros.pose_worker import PoseWorker, RawImage
-from stcalib_ros.ros.running import events_executor, spin_until, start_node, stop_on_signals
+from stcalib_ros.ros.running import events_executor, running_node, spin_until
 from stcalib_ros.ros.throttle import Throttle
 
 _DEPTH = 5
@@ -204,16 +203,12 @@ def main() -> int:
     int
         Exit status: 0 stopped, 2 unusable parameters or estimator.
     """
-    stop = stop_on_signals()
-    try:
-        node = start_node("pose_estimator")
+    return run_command("pose_estimator", _run)
+
+
+def _run() -> None:
+    with running_node("pose_estimator") as (node, stop):
         estimator = PoseEstimatorNode(node)
-    except InputError as error:
-        print(f"pose_estimator: {error}", file=sys.stderr)
-        return 2
-    estimator.worker.start()
-    spin_until(stop, node, events_executor(node.context))
-    estimator.worker.stop(STOP_S)
-    node.destroy_node()
-    rclpy.shutdown()
-    return 0
+        estimator.worker.start()
+        spin_until(stop, node, events_executor(node.context))
+        estimator.worker.stop(STOP_S)

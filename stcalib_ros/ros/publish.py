@@ -98,24 +98,17 @@ def main() -> int:
 
 
 def _publish(argv: Sequence[str]) -> None:
-    import rclpy
-
     from stcalib_ros.io.results import read_usable_result
-    from stcalib_ros.ros.running import spin_until, start_node, stop_on_signals
+    from stcalib_ros.ros.running import running_node, spin_until
 
     path = _parsed(argv).result
     calibration = read_usable_result(path)
-    stop = stop_on_signals()
-    node = start_node("publish")
-    try:
+    with running_node("publish") as (node, stop):
         publish_result(node, calibration, run_id=f"file-{path.stem}", every_lens=True)
         node.get_logger().info(
             f"{path}: {len(calibration.cameras)} cameras stay published until interrupted (Ctrl-C)"
         )
         spin_until(stop, node)
-    finally:
-        node.destroy_node()
-        rclpy.shutdown()
 
 
 def _parsed(argv: Sequence[str]) -> argparse.Namespace:

@@ -127,14 +127,10 @@ def _parsed(argv: Sequence[str]) -> argparse.Namespace:
 
 def _serve(args: argparse.Namespace, calibrated: tuple[Recording, Calibration] | None) -> None:
     """Publish and play, until done or interrupted."""
-    import rclpy
-
     from stcalib_ros.ros.player import Player, PlayOptions
-    from stcalib_ros.ros.running import spin_until, start_node, stop_on_signals
+    from stcalib_ros.ros.running import running_node, spin_until
 
-    stop = stop_on_signals()
-    node = start_node("replay")
-    try:
+    with running_node("replay") as (node, stop):
         if args.publish and calibrated is not None:
             _publish(node, *calibrated, run_id=f"replay-{args.bag.stem}")
         if args.play is not None:
@@ -144,9 +140,6 @@ def _serve(args: argparse.Namespace, calibrated: tuple[Recording, Calibration] |
         if args.publish:
             node.get_logger().info("the result stays published until interrupted (Ctrl-C)")
             spin_until(stop, node)
-    finally:
-        node.destroy_node()
-        rclpy.shutdown()
 
 
 def _publish(node: Any, recording: Recording, calibration: Calibration, *, run_id: str) -> None:

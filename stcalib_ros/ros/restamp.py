@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from stcalib_ros.cli import run_command
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.results import read_result
 from stcalib_ros.io.stamps import ClockCorrection, Restamper, changes, corrections_of, describe
@@ -37,7 +37,7 @@ from stcalib_ros.ros.restamp_parameters import (
     declare_relay,
     relay_help,
 )
-from stcalib_ros.ros.running import events_executor, spin_until, start_node, stop_on_signals
+from stcalib_ros.ros.running import events_executor, running_node, spin_until
 
 _HEADER = "std_msgs/Header"
 
@@ -342,14 +342,10 @@ def main() -> int:
     if help_asked(sys.argv[1:]):
         print(relay_help())
         return 0
-    stop = stop_on_signals()
-    try:
-        node = start_node("restamp")
+    return run_command("restamp", _run)
+
+
+def _run() -> None:
+    with running_node("restamp") as (node, stop):
         Restamp(node)
-    except InputError as error:
-        print(f"restamp: {error}", file=sys.stderr)
-        return 2
-    spin_until(stop, node, events_executor(node.context))
-    node.destroy_node()
-    rclpy.shutdown()
-    return 0
+        spin_until(stop, node, events_executor(node.context))

@@ -6,7 +6,8 @@ import re
 import signal
 import sys
 import traceback
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -58,6 +59,30 @@ def stop_on_signals() -> StopRequest:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     return stop
+
+
+@contextmanager
+def running_node(name: str) -> Iterator[tuple[Any, StopRequest]]:
+    """Start ROS and a node, and stop both in the end.
+
+    Yields
+    ------
+    node : rclpy.node.Node
+    stop : StopRequest
+        Set by SIGINT and SIGTERM.
+
+    Raises
+    ------
+    InputError
+        As `start_node`.
+    """
+    stop = stop_on_signals()
+    node = start_node(name)
+    try:
+        yield node, stop
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
 
 
 def start_node(name: str) -> Any:
