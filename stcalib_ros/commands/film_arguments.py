@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -165,20 +165,23 @@ def poses_of_films(
 @contextmanager
 def _kept_when_interrupted(parts: Path) -> Iterator[None]:
     """Say what is kept, once all processes have written what they had."""
+    with ExitStack() as unfinished:
+        unfinished.callback(_say_what_is_kept, parts)
+        yield
+        unfinished.pop_all()
+
+
+def _say_what_is_kept(parts: Path) -> None:
     from stcalib_ros.estimation.parts import n_kept, remove_parts
 
-    try:
-        yield
-    except BaseException:
-        if n := n_kept(parts):
-            print(
-                f"stcalib: {n} images are done and kept in {parts}: the same command goes on from "
-                "there",
-                file=sys.stderr,
-            )
-        else:
-            remove_parts(parts)
-        raise
+    if n := n_kept(parts):
+        print(
+            f"stcalib: {n} images are done and kept in {parts}: the same command goes on from "
+            "there",
+            file=sys.stderr,
+        )
+    else:
+        remove_parts(parts)
 
 
 def origin_of(args: argparse.Namespace, films: Mapping[str, Path]) -> dict[str, str]:

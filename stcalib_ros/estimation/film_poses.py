@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -93,23 +93,35 @@ def estimate_films(
         return
     pending: set[Future[None]] = set()
     try:
-        with _interrupts_wait():
-            pending = {executor.submit(_run_task, task, make_estimator) for task in todo}
-        while pending:
-            done, pending = wait(pending, timeout=_LOOK_EVERY_S)
-            for future in done:
-                future.result()
-            look()
+        with _stopped_if_unfinished(tasks[0].stop, pending):
+            with _interrupts_wait():
+                pending.update(executor.submit(_run_task, task, make_estimator) for task in todo)
+            while pending:
+                done, _ = wait(pending, timeout=_LOOK_EVERY_S)
+                pending -= done
+                for future in done:
+                    future.result()
+                look()
     except BrokenProcessPool as error:
         raise InputError(
             "a process that estimated poses has died, as for lack of memory: run the command "
             "again with --jobs 1; images that are done are kept"
         ) from error
-    except BaseException:
-        with _interrupts_wait():
-            tasks[0].stop.touch()
-            wait([future for future in pending if not future.cancel()])
-        raise
+
+
+@contextmanager
+def _stopped_if_unfinished(stop: Path, pending: Collection[Future[None]]) -> Iterator[None]:
+    """Have other processes end, and wait until they have kept their images, if anything fails."""
+    with ExitStack() as unfinished:
+        unfinished.callback(_stop, stop, pending)
+        yield
+        unfinished.pop_all()
+
+
+def _stop(stop: Path, pending: Collection[Future[None]]) -> None:
+    with _interrupts_wait():
+        stop.touch()
+        wait([future for future in pending if not future.cancel()])
 
 
 @contextmanager

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 
+import film_helpers
 import numpy as np
 import pytest
 from film_helpers import NumberEstimator, made_at, write_film, write_scene_films
@@ -14,8 +19,10 @@ from stcalib_ros.commands.jobs import processes
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.estimation.film_recording import FilmOptions, read_films
+from stcalib_ros.estimation.parts import n_kept
 from stcalib_ros.estimation.poses import ImagePoses, UInt8Array
 
+ROOT = Path(__file__).parents[2]
 SCENE = st.SceneOptions(n_cameras=2, n_people=2, n_frames=40, fps=20.0, image_size=(320, 240))
 
 
@@ -171,3 +178,43 @@ def test_a_film_of_which_the_end_is_missing_is_used_with_a_warning(
     read_films(two_films, make, warn=warnings.append)
     assert len(warnings) == 1
     assert "0.9 s of 3.0 s can be read" in warnings[0]
+
+
+def test_ctrl_c_in_a_terminal_which_all_processes_get_keeps_what_is_done(
+    scene: tuple[Path, dict[str, Path], Recording], tmp_path: Path
+) -> None:
+    folder, films, _ = scene
+    parts, poses = tmp_path / "parts", folder / "poses.npz"
+    paths = {name: str(path) for name, path in films.items()}
+    code = (
+        "from functools import partial; from pathlib import Path\n"
+        "from film_helpers import SlowEstimator\n"
+        "from stcalib_ros.commands.jobs import processes\n"
+        "from stcalib_ros.estimation.film_recording import FilmOptions, read_films\n"
+        f"films = {{name: Path(path) for name, path in {paths}.items()}}\n"
+        f"options = FilmOptions(100.0, parts=Path({str(parts)!r}))\n"
+        "with processes(2) as executor:\n"
+        f"    read_films(films, partial(SlowEstimator, Path({str(poses)!r})), options,\n"
+        "        executor=executor, progress=lambda n, *_: print(n, flush=True))\n"
+    )
+    helpers = Path(film_helpers.__file__).parent
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(helpers)])},
+        start_new_session=True,
+    )
+    assert process.stdout is not None
+    assert any(int(line) > 0 for line in process.stdout)
+    os.killpg(process.pid, signal.SIGINT)
+    err = process.communicate(timeout=60)[1]
+    assert process.returncode == -signal.SIGINT
+    assert err.splitlines()[-1] == "KeyboardInterrupt"
+    kept = n_kept(parts)
+    assert 0 < kept < 80
+    found = read_films(
+        films, partial(Interrupting, poses, 80 - kept), FilmOptions(100.0, parts=parts)
+    )
+    assert [len(camera.stamps) for camera in found.cameras] == [40, 40]

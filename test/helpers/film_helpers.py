@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -114,6 +115,14 @@ class NumberEstimator:
         there = np.isfinite(keypoints).any((1, 2))
         joints = np.full((*keypoints[there].shape[:2], 3), np.nan)
         return ImagePoses(keypoints[there], self._scores[number_of(image)][there], joints)
+
+
+class SlowEstimator(NumberEstimator):
+    """Takes its time, for an interruption to come amid the work."""
+
+    def poses(self, image: UInt8Array) -> ImagePoses:
+        time.sleep(0.03)
+        return super().poses(image)
 
 
 def write_scene_films(
