@@ -23,8 +23,10 @@ Print how to trim the videos of a bag so that they all begin and end at the same
   stcalib clocks walk.yaml walk.mcap --videos cam0=left.mp4 cam1=right.mp4
 
 Prints one ffmpeg command for each video, and what trimming cannot remove: the fraction of a frame
-by which its images are later than those of the reference camera. The first image of a camera in
-the bag is taken as the first frame of its video.
+by which its images are later than those of the reference camera. Frames are those of the videos,
+where these are here; otherwise the images of the bag are taken as the frames. The first image of a
+camera in the bag is the first frame of its video, unless the bag was made from the video, which
+tells, or --bag-begins says when it was.
 """
 
 
@@ -39,6 +41,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CAM=FILE",
         help="videos of the cameras (default: CAM.mp4)",
     )
+    parser.add_argument(
+        "--bag-begins",
+        nargs="+",
+        type=_begin,
+        default=[],
+        metavar="CAM=S",
+        help="seconds after the first frame of its video at which the first image of a camera in "
+        "the bag was taken",
+    )
 
 
 def run(args: argparse.Namespace) -> None:
@@ -51,21 +62,42 @@ def run(args: argparse.Namespace) -> None:
     CalibrationError
         The result is of a calibration that was refused.
     """
-    from stcalib_ros.commands.terminal import tell
+    from stcalib_ros.commands.terminal import tell, warn
     from stcalib_ros.core.capture.cuts import video_cuts
+    from stcalib_ros.core.capture.reprojection import reference_times
+    from stcalib_ros.io.bag_origin import read_origin
     from stcalib_ros.io.results import read_usable_result
+    from stcalib_ros.io.video_frames import VideoPlaces, with_frames
 
     calibration = read_usable_result(args.result)
     recording, _ = read_bag_as_configured(args)
-    cuts = video_cuts(recording, calibration)
-    videos: Mapping[str, Path] = dict(args.videos)
-    names = [cut.camera for cut in cuts]
-    if unknown := [name for name in videos if name not in names]:
+    names = list(reference_times(recording, calibration))
+    _require_cameras("--videos", args.videos, names, args.result)
+    _require_cameras("--bag-begins", args.bag_begins, names, args.result)
+    videos = {name: Path(f"{name}.mp4") for name in names} | dict(args.videos)
+    here = {name: path for name, path in videos.items() if path.exists()}
+    if absent := [name for name in dict(args.bag_begins) if name not in here]:
         raise InputError(
-            f"--videos {unknown[0]}=...: no such camera in {args.result}; there are "
-            f"{', '.join(names)}"
+            f"--bag-begins {absent[0]}=...: no such file: {videos[absent[0]]}; name the video with "
+            f"--videos {absent[0]}=FILE"
+        )
+    places = VideoPlaces(read_origin(args.bag), dict(args.bag_begins), warn)
+    cuts = video_cuts(with_frames(recording, here, places), calibration)
+    if missing := [str(path) for name, path in videos.items() if name not in here]:
+        warn(
+            f"not here: {', '.join(missing)}; the images of the bag are taken as the frames of "
+            "these videos, which is wrong where the bag has fewer"
         )
     tell(args, cuts_text(cuts, videos, calibration.reference), [asdict(cut) for cut in cuts])
+
+
+def _require_cameras(
+    option: str, given: Sequence[tuple[str, object]], names: Sequence[str], result: Path
+) -> None:
+    if unknown := [name for name, _ in given if name not in names]:
+        raise InputError(
+            f"{option} {unknown[0]}=...: no such camera in {result}; there are {', '.join(names)}"
+        )
 
 
 def cuts_text(cuts: Sequence[VideoCut], videos: Mapping[str, Path], reference: str) -> str:
@@ -85,9 +117,7 @@ def cuts_text(cuts: Sequence[VideoCut], videos: Mapping[str, Path], reference: s
         for cut in cuts
     ]
     like = {cut.camera: cut for cut in cuts}.get(reference, cuts[0])
-    commands = [
-        _command(cut, videos.get(cut.camera, Path(f"{cut.camera}.mp4")), like) for cut in cuts
-    ]
+    commands = [_command(cut, videos[cut.camera], like) for cut in cuts]
     return "\n".join([table([head, *rows]), "", *commands])
 
 
@@ -109,3 +139,11 @@ def _video(text: str) -> tuple[str, Path]:
     if not (name and equals and path):
         raise argparse.ArgumentTypeError(f"expected CAM=FILE, got {text!r}")
     return name, Path(path)
+
+
+def _begin(text: str) -> tuple[str, float]:
+    """Camera and seconds."""
+    name, _, seconds = text.partition("=")
+    if not name or not seconds.replace(".", "", 1).isdecimal():
+        raise argparse.ArgumentTypeError(f"expected CAM=S with S in seconds, got {text!r}")
+    return name, float(seconds)

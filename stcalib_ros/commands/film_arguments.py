@@ -193,6 +193,7 @@ def origin_of(args: argparse.Namespace, films: Mapping[str, Path]) -> dict[str, 
         A film cannot be read.
     """
     from stcalib_ros.estimation.film_recording import DEFAULT_HZ
+    from stcalib_ros.io.bag_origin import film_key
     from stcalib_ros.io.film_files import film_id
 
     how = {
@@ -200,7 +201,7 @@ def origin_of(args: argparse.Namespace, films: Mapping[str, Path]) -> dict[str, 
         "estimator": _estimator_text(args),
         "fps_limit": f"{args.fps_limit or DEFAULT_HZ:g}",
     }
-    return how | {f"film of {camera}": film_id(path) for camera, path in films.items()}
+    return how | {film_key(camera): film_id(path) for camera, path in films.items()}
 
 
 def clocks_text(films: Mapping[str, Path]) -> str:

@@ -11,6 +11,11 @@ ORIGIN = "stcalib_origin"
 """Name of the record of metadata."""
 
 
+def film_key(camera: str) -> str:
+    """Return the name under which it is recorded which film a camera has."""
+    return f"film of {camera}"
+
+
 def read_origin(path: Path) -> dict[str, str]:
     """Return what a bag was made from; empty where it does not say, or is no bag.
 

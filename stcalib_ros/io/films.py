@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.estimation.poses import UInt8Array
 from stcalib_ros.io.film_header import FilmHeader, read_film_header
 from stcalib_ros.io.limits import MAX_FRAME_RATE, MIN_FRAME_RATE
@@ -135,6 +136,15 @@ def film_images(film: Film, *, limit_hz: float, skip: int = 0) -> Iterator[FilmI
                     f"{image.shape[1]} x {image.shape[0]} px at {stamp_s:.2f} s: cut the film there"
                 )
             yield FilmImage(stamp_s, image.astype(np.uint8, copy=False))
+
+
+def frame_times_s(film: Film) -> Float64Array:
+    """Return the times (N,) of all images of a film after its first one, seconds."""
+    times_s = []
+    with _decoder(film.path) as decoder:
+        while decoder.grab():
+            times_s.append(decoder.get(cv2.CAP_PROP_POS_MSEC) * _MS)
+    return np.array(times_s) - times_s[0]
 
 
 def images_at(film: Film, stamps_s: Sequence[float]) -> Iterator[UInt8Array]:
