@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import os
 import re
@@ -87,9 +88,21 @@ def read_bounded(path: Path, max_bytes: int) -> str:
     if len(data) > max_bytes:
         raise InputError(f"cannot read {path}: it has more than {max_bytes} bytes")
     try:
-        return data.decode("utf-8")
+        return decoded(data)
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not a text file") from error
+
+
+def decoded(data: bytes, errors: str = "strict") -> str:
+    """Text of UTF-8, or of UTF-16 with its byte order mark, as Windows writes it; without the mark.
+
+    Raises
+    ------
+    UnicodeDecodeError
+        It is neither, and `errors` is not ``"ignore"``.
+    """
+    is_utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return data.decode("utf-16" if is_utf16 else "utf-8-sig", errors=errors)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -162,7 +162,7 @@ def read_lens_fields(
     whole = next((path / name for name in _WHOLE if (path / name).is_file()), None)
     if whole is not None:
         return _of_file(whole, image_size)
-    files = sorted(file for file in path.iterdir() if file.suffix in _ENDINGS)
+    files = sorted(file for file in path.iterdir() if file.suffix.lower() in _ENDINGS)
     if not files:
         raise InputError(
             f"{path} has no lenses: expected a file a camera, CAM.yaml, or one of "
@@ -186,7 +186,7 @@ def _of_file(path: Path, image_size: tuple[int, int] | None) -> dict[str, Camera
     try:
         storage = OpencvStorage(path)
     except InputError as error:
-        known = path.suffix in _ENDINGS
+        known = path.suffix.lower() in _ENDINGS
         raise InputError(f"{error if known else f'{path} has no lens'}; {_EXPECTED}") from None
     content = storage.content
     if "camera_matrix" in content and _CAMERA_INFO & content.keys():

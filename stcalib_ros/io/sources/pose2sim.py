@@ -18,7 +18,7 @@ from pathlib import Path
 
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.io.lens_formats.toml import toml_lenses
-from stcalib_ros.io.sources.cameras import natural_order
+from stcalib_ros.io.sources.cameras import natural_order, with_suffix
 from stcalib_ros.io.sources.form import CameraPoses, PoseFormat, PoseSource
 from stcalib_ros.io.sources.openpose import read_openpose
 from stcalib_ros.io.sources.videos import with_videos
@@ -38,7 +38,11 @@ def _configs(path: Path) -> list[Path]:
 
 
 def _calibrations(path: Path) -> list[Path]:
-    return [file for f in _levels(path) for file in sorted((f / "calibration").glob("*.toml"))]
+    return [file for f in _levels(path) for file in _toml_files(f / "calibration")]
+
+
+def _toml_files(folder: Path) -> list[Path]:
+    return with_suffix(sorted(folder.iterdir()), ".toml") if folder.is_dir() else []
 
 
 def _levels(path: Path) -> tuple[Path, ...]:
