@@ -14,6 +14,9 @@ from pathlib import Path
 
 from stcalib_ros.core.errors import InputError
 
+_HEAD_BYTES = 1 << 16
+"""Bytes at the begin of a file by which it is recognised: MMPose's, which begin with a description
+of the joints, have 20,000 before the first pose. Measured."""
 _TEMPORARY = re.compile(r"\.stcalib-(\d+)-[0-9a-f]{8}\.(tmp|probe)")
 """Names of what is being written, with the id of the process that writes it."""
 
@@ -103,6 +106,15 @@ def decoded(data: bytes, errors: str = "strict") -> str:
     """
     is_utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     return data.decode("utf-16" if is_utf16 else "utf-8-sig", errors=errors)
+
+
+def head(path: Path) -> str:
+    """Begin of a text file; empty if it is none or cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return decoded(stream.read(_HEAD_BYTES), errors="ignore").lstrip()
+    except OSError:
+        return ""
 
 
 def write_text(path: Path, text: str) -> None:

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.datasets import DATASETS
+from stcalib_ros.io.files import head
 from stcalib_ros.io.npz_files import names_in_npz
 from stcalib_ros.io.sources import SOURCES
-from stcalib_ros.io.sources.cameras import files_below, head, looked_at
+from stcalib_ros.io.sources.cameras import files_below, looked_at
 
 FORMATS = ("npz", *SOURCES, *DATASETS)
 """Names of all formats."""

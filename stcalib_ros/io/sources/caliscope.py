@@ -21,8 +21,9 @@ import numpy as np
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.recording import Intrinsics
+from stcalib_ros.io.files import head
 from stcalib_ros.io.lens_formats.toml import toml_lenses
-from stcalib_ros.io.sources.cameras import head, plain_name, with_suffix
+from stcalib_ros.io.sources.cameras import plain_name, with_suffix
 from stcalib_ros.io.sources.form import (
     CameraPoses,
     Pose,

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import os
 import re
-import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path, PurePath
 from typing import NamedTuple
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.io.files import decoded
+from stcalib_ros.io.files import head
 from stcalib_ros.io.limits import MAX_SOURCE_FILES
 from stcalib_ros.io.messages import NS
+from stcalib_ros.io.topic_names import name_for_topics
 
-_HEAD_BYTES = 1 << 16
-"""Bytes at the begin of a file by which it is recognised: MMPose's, which begin with a description
-of the joints, have 20,000 before the first pose. Measured."""
 _N_LOOKED_AT = 50
 """Files that are looked at to recognise a source, count: images at its begin may be without people.
 Chosen."""
@@ -93,15 +90,6 @@ def _left_out(name: str) -> bool:
 def _is_above(link: Path, folder: Path) -> bool:
     """Whether a symbolic link leads back to a folder that it is in."""
     return link.is_symlink() and folder.resolve().is_relative_to(link.resolve())
-
-
-def head(path: Path) -> str:
-    """Begin of a text file; empty if it is none or cannot be read."""
-    try:
-        with path.open("rb") as stream:
-            return decoded(stream.read(_HEAD_BYTES), errors="ignore").lstrip()
-    except OSError:
-        return ""
 
 
 def with_suffix(files: Iterable[Path], suffix: str) -> list[Path]:
@@ -227,11 +215,8 @@ def _require_names(root: Path, keys: Sequence[tuple[str, ...]], names: Sequence[
 
 
 def plain_name(text: str) -> str:
-    """Return a camera's name as topics can have it: letters a to z, digits and underscores."""
-    split = unicodedata.normalize("NFKD", _ADDED.sub("", text))
-    bare = "".join(one for one in split if not unicodedata.combining(one))
-    name = re.sub(r"\W", "_", bare, flags=re.ASCII).strip("_")
-    return f"cam{name}" if name[:1].isdigit() else name
+    """Return a camera's name as topics can have it, without what programs add to it."""
+    return name_for_topics(_ADDED.sub("", text))
 
 
 def natural_order(name: str) -> tuple[tuple[str, int], ...]:

@@ -21,8 +21,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
+from stcalib_ros.io.files import head
 from stcalib_ros.io.json_files import read_json
-from stcalib_ros.io.sources.cameras import fitting_files, head, looked_at
+from stcalib_ros.io.sources.cameras import fitting_files, looked_at
 from stcalib_ros.io.sources.form import PoseFormat, PoseSource, points_of, reading, track_of
 from stcalib_ros.io.sources.images import PersonInImage, cameras_of_images
 

@@ -16,9 +16,10 @@ from dataclasses import replace
 from pathlib import Path, PurePath
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.io.files import head
 from stcalib_ros.io.json_files import read_json
 from stcalib_ros.io.lens_files import lenses_of
-from stcalib_ros.io.sources.cameras import head, looked_at, with_suffix
+from stcalib_ros.io.sources.cameras import looked_at, with_suffix
 from stcalib_ros.io.sources.form import (
     CameraPoses,
     PoseFormat,

@@ -20,11 +20,11 @@ import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
+from stcalib_ros.io.files import head
 from stcalib_ros.io.npz_files import names_in_npz, read_npz
 from stcalib_ros.io.sources.cameras import (
     by_camera,
     fitting_files,
-    head,
     looked_at,
     with_suffix,
 )

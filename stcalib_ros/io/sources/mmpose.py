@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from stcalib_ros.io.files import head
 from stcalib_ros.io.json_files import read_json
-from stcalib_ros.io.sources.cameras import fitting_files, head, looked_at
+from stcalib_ros.io.sources.cameras import fitting_files, looked_at
 from stcalib_ros.io.sources.form import PoseFormat, PoseSource, reading, track_of, whole_number
 from stcalib_ros.io.sources.images import PersonInImage, cameras_of_images
 
