@@ -97,6 +97,10 @@ def _mistake(path: Path, files: Sequence[Path]) -> _Mistake | None:
             "has JSON files that are empty lists",
             "the pose estimator found nobody: check that it saw the people",
         )
+    if arrays := [file.name for file in files if path.is_dir() and _is_multi_view(file)]:
+        return _Mistake(
+            "has files of multi-view arrays", f"name one: {', '.join(arrays[:_N_SHOWN])}"
+        )
     if path.is_dir():
         packed = _Mistake(f"has packed files ({ending})", "unpack them first")
         return packed if ending in _ARCHIVES else None
