@@ -161,6 +161,8 @@ def make_folder(path: Path) -> None:
     """
     try:
         path.mkdir(exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"cannot write to the folder {path}: it is a file; name another") from None
     except OSError as error:
         raise InputError(
             f"cannot write to the folder {path}: {_reason(error)}; name another"

@@ -317,14 +317,6 @@ def test_a_mapping_a_camera(tmp_path: Path) -> None:
     assert_projects(lenses["right"], FISHEYE, fisheye=True)
 
 
-def test_our_own_arrays(tmp_path: Path) -> None:
-    truth = st.simulate(st.SceneOptions(n_cameras=2, n_frames=30)).truth
-    st.export_calibration(truth, tmp_path / "walk.npz", "npz")
-    lenses = read_lenses(tmp_path / "walk.npz")
-    assert list(lenses) == ["cam0", "cam1"]
-    np.testing.assert_array_equal(lenses["cam1"].K, truth.cameras[1].intrinsics.K)
-
-
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
