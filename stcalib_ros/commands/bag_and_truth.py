@@ -11,6 +11,7 @@ from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.io.bag_writer import require_bag_writable, write_bag
 from stcalib_ros.io.files import require_writable
 from stcalib_ros.io.results import write_result
+from stcalib_ros.wording import count
 
 
 def add_output_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,8 +51,8 @@ def write_outputs(
 
 def written_text(args: argparse.Namespace, recording: Recording) -> str:
     """Say what was written."""
-    images = sum(len(camera.stamps) for camera in recording.cameras)
-    text = f"Written to {args.output}: {len(recording.cameras)} cameras, {images} images"
+    images = count(sum(len(camera.stamps) for camera in recording.cameras), "image")
+    text = f"Written to {args.output}: {count(len(recording.cameras), 'camera')}, {images}"
     return text if args.truth is None else f"{text}\nTrue values are in {args.truth}"
 
 

@@ -165,7 +165,7 @@ def people_text(
             )
         )
     lines = [table(rows), f"People are in {', '.join(map(str, written))}"]
-    if written[0].suffix == ".trc":
+    if written[0].suffix.lower() == ".trc":
         if not calibration.metric:
             lines.append(
                 "The result has no unit of length: metres are estimated from the size of people."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import os
 import re
@@ -13,6 +14,9 @@ from pathlib import Path
 
 from stcalib_ros.core.errors import InputError
 
+_HEAD_BYTES = 1 << 16
+"""Bytes at the begin of a file by which it is recognised: MMPose's, which begin with a description
+of the joints, have 20,000 before the first pose. Measured."""
 _TEMPORARY = re.compile(r"\.stcalib-(\d+)-[0-9a-f]{8}\.(tmp|probe)")
 """Names of what is being written, with the id of the process that writes it."""
 
@@ -87,9 +91,30 @@ def read_bounded(path: Path, max_bytes: int) -> str:
     if len(data) > max_bytes:
         raise InputError(f"cannot read {path}: it has more than {max_bytes} bytes")
     try:
-        return data.decode("utf-8")
+        return decoded(data)
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not a text file") from error
+
+
+def decoded(data: bytes, errors: str = "strict") -> str:
+    """Text of UTF-8, or of UTF-16 with its byte order mark, as Windows writes it; without the mark.
+
+    Raises
+    ------
+    UnicodeDecodeError
+        It is neither, and `errors` is not ``"ignore"``.
+    """
+    is_utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return data.decode("utf-16" if is_utf16 else "utf-8-sig", errors=errors)
+
+
+def head(path: Path) -> str:
+    """Begin of a text file; empty if it is none or cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return decoded(stream.read(_HEAD_BYTES), errors="ignore").lstrip()
+    except OSError:
+        return ""
 
 
 def write_text(path: Path, text: str) -> None:
@@ -136,6 +161,8 @@ def make_folder(path: Path) -> None:
     """
     try:
         path.mkdir(exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"cannot write to the folder {path}: it is a file; name another") from None
     except OSError as error:
         raise InputError(
             f"cannot write to the folder {path}: {_reason(error)}; name another"

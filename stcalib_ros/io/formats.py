@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.datasets import DATASETS
+from stcalib_ros.io.files import head
 from stcalib_ros.io.npz_files import names_in_npz
 from stcalib_ros.io.sources import SOURCES
-from stcalib_ros.io.sources.cameras import files_below, head
+from stcalib_ros.io.sources.cameras import files_below, looked_at
 
 FORMATS = ("npz", *SOURCES, *DATASETS)
 """Names of all formats."""
@@ -33,6 +34,7 @@ _PACKED = (b"PK", b"\x1f\x8b", b"7z", b"Rar!", b"\xfd7zXZ", b"(\xb5/\xfd")
 _ARCHIVES = {".zip", ".gz", ".tgz", ".7z", ".rar", ".xz", ".zst"}
 _KEY = re.compile(r'"(?:[^"\\]|\\.)*"(?=\s*:)')
 """Key in JSON, with its quotes."""
+_NOBODY = re.compile(r"\[\s*\]\s*")
 
 
 def _is_multi_view(path: Path) -> bool:
@@ -84,15 +86,29 @@ def _mistake(path: Path, files: Sequence[Path]) -> _Mistake | None:
         return _Mistake("is an empty folder", "name the one to which the pose estimator wrote")
     counts = Counter(file.suffix.lower() for file in files)
     ending, _ = counts.most_common(1)[0]
-    begin = _begin(files[0])
     if ending in _PICTURES and not set(counts) & _POSE_FILES:
         return _Mistake(
             f"has pictures ({ending}) and no poses",
             "run a pose estimator on them, and name the folder of its results; docs/formats.md "
             "lists those that are read",
         )
+    if ending == ".json" and all(_NOBODY.fullmatch(head(f)) for f in looked_at(files, ending)):
+        return _Mistake(
+            "has JSON files that are empty lists",
+            "the pose estimator found nobody: check that it saw the people",
+        )
+    if arrays := [file.name for file in files if path.is_dir() and _is_multi_view(file)]:
+        return _Mistake(
+            "has files of multi-view arrays", f"name one: {', '.join(arrays[:_N_SHOWN])}"
+        )
     if path.is_dir():
-        return None
+        packed = _Mistake(f"has packed files ({ending})", "unpack them first")
+        return packed if ending in _ARCHIVES else None
+    return _mistaken_file(path, ending)
+
+
+def _mistaken_file(path: Path, ending: str) -> _Mistake | None:
+    begin = _begin(path)
     if begin.startswith(_BAGS):
         return _Mistake(
             "is a bag already",

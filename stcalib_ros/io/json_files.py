@@ -24,10 +24,15 @@ def read_json(path: Path) -> Any:
     InputError
         It cannot be read.
     """
+    text = read_bounded(path, MAX_JSON_BYTES)
+    if not text.strip():
+        raise InputError(f"{path} is empty: write it again, or remove it")
     try:
-        return json.loads(read_bounded(path, MAX_JSON_BYTES))
+        return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not valid JSON: {error}") from error
+        raise InputError(
+            f"{path} is not valid JSON: {error}; was it written to its end?"
+        ) from error
 
 
 def json_text(plain: Any) -> str:

@@ -10,20 +10,22 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.io.camera_info_yaml import fields_of_content
 from stcalib_ros.io.datasets.opencv_storage import OpencvStorage
-from stcalib_ros.io.files import read_bounded
+from stcalib_ros.io.files import head, read_bounded
+from stcalib_ros.io.lens_formats.arrays import array_lenses
 from stcalib_ros.io.lens_formats.colmap import colmap_lenses, is_colmap
 from stcalib_ros.io.lens_formats.kalibr import camchain_lenses, is_camchain
-from stcalib_ros.io.lens_formats.opencv import has_matrix, storage_lenses
+from stcalib_ros.io.lens_formats.opencv import has_matrix, matrix_lenses
 from stcalib_ros.io.lens_formats.toml import toml_lenses
 from stcalib_ros.io.limits import MAX_QUOTED, MAX_YAML_LENGTH
 from stcalib_ros.io.messages import CameraInfoFields, fields_of_lens, lens
 from stcalib_ros.io.results import read_result
 from stcalib_ros.io.toml_files import read_toml
+from stcalib_ros.io.topic_names import name_for_topics
 
 LENS_FORMATS = (
     "camera_info YAML",
     "a Kalibr camchain",
-    "OpenCV's FileStorage (YAML, XML)",
+    "OpenCV's matrices (YAML, XML, JSON, npz)",
     "aniposelib, Pose2Sim or Caliscope TOML",
     "COLMAP's cameras.txt",
     "a result of stcalib",
@@ -31,7 +33,7 @@ LENS_FORMATS = (
 """What is recognised, in words."""
 _EXPECTED = f"lenses are read from {', '.join(LENS_FORMATS[:-1])} or {LENS_FORMATS[-1]}"
 
-_ENDINGS = (".yaml", ".yml", ".xml", ".toml", ".txt", ".json")
+_ENDINGS = (".yaml", ".yml", ".xml", ".toml", ".txt", ".json", ".npz")
 _WHOLE = ("cameras.txt", "camera_array.toml", "intri.yml")
 """Files that have all cameras of the folder that they are in."""
 _CAMERA_INFO = {"distortion_model", "rectification_matrix", "projection_matrix", "camera_name"}
@@ -39,7 +41,8 @@ _TOML = re.compile(r"\[[^\[\],]+\]|[\w.-]+\s*=.*")
 """First line of a TOML file that is no comment: a table or a value."""
 _NO_P = (0.0,) * 12
 """P of a file that knows no rectified image: nothing is guessed for rectified keypoints."""
-_NOT_IN_NAMES = re.compile(r"\W")
+_OST_TEXT = re.compile(r"^\[image\]\s+width\s+\d+", re.MULTILINE)
+"""Begin of what camera_calibration saves as ``ost.txt``."""
 _SHOWN = 5
 """Keys of a file that is not recognised which the error shows: they fit on a line. Chosen."""
 
@@ -92,8 +95,8 @@ def lenses_of(
     found = fields_by_camera(fields, cameras)
     if missing := [name for name in cameras if name not in found]:
         raise InputError(
-            f"{path} has no lens of {', '.join(missing)}: it has {', '.join(fields)}; rename "
-            "cameras there, so that the names are the same"
+            f"{path} has no lens of {', '.join(missing)}: it has {', '.join(fields)}; add those "
+            "that are missing, or rename them there as the cameras are called"
         )
     return {
         name: lens(info, rectified=False, topic=f"{path}: {name}") for name, info in found.items()
@@ -133,7 +136,7 @@ def fields_by_camera(
 ) -> dict[str, CameraInfoFields]:
     """Return what a file has of given cameras; of all, if it has one lens under another name.
 
-    Slashes and the like in a name may be underscores in the file, which cannot have them.
+    Names are compared as topics can have them: slashes and the like are underscores.
 
     Parameters
     ----------
@@ -141,8 +144,8 @@ def fields_by_camera(
         As of `read_lens_fields`.
     cameras : sequence of str
     """
-    plain = {_NOT_IN_NAMES.sub("_", name): info for name, info in fields.items()}
-    names = {name: _NOT_IN_NAMES.sub("_", name) for name in cameras}
+    plain = {name_for_topics(name): info for name, info in fields.items()}
+    names = {name: name_for_topics(name) for name in cameras}
     found = {
         name: fields.get(name, plain.get(short))
         for name, short in names.items()
@@ -162,22 +165,40 @@ def read_lens_fields(
     whole = next((path / name for name in _WHOLE if (path / name).is_file()), None)
     if whole is not None:
         return _of_file(whole, image_size)
-    files = sorted(file for file in path.iterdir() if file.suffix in _ENDINGS)
+    files = _lens_files(path)
+    named = {file: file.stem for file in files}
     if not files:
+        folders = [folder for folder in sorted(path.iterdir()) if folder.is_dir()]
+        named = {file: folder.name for folder in folders for file in _lens_files(folder)}
+    if not named:
         raise InputError(
-            f"{path} has no lenses: expected a file a camera, CAM.yaml, or one of "
+            f"{path} has no lenses: expected a file a camera, CAM.yaml or CAM/ost.yaml, or one of "
             f"{', '.join(_WHOLE)} (of COLMAP, save the model as text)"
         )
     found: dict[str, CameraInfoFields] = {}
-    for file in files:
+    for file, name in named.items():
         content = _of_file(file, image_size)
         single = len(set(content.values())) == 1
-        found |= {file.stem: next(iter(content.values()))} if single else content
+        found |= {name: next(iter(content.values()))} if single else content
     return found
 
 
+def _lens_files(folder: Path) -> list[Path]:
+    """Return files that may have lenses; text is notes or a log, but for that of COLMAP."""
+    files = [file for file in sorted(folder.iterdir()) if not file.name.startswith(".")]
+    fitting = [file for file in files if file.suffix.lower() in _ENDINGS]
+    return [file for file in fitting if file.suffix.lower() != ".txt" or is_colmap(head(file))]
+
+
 def _of_file(path: Path, image_size: tuple[int, int] | None) -> dict[str, CameraInfoFields]:
-    text = read_bounded(path, MAX_YAML_LENGTH)
+    if path.suffix.lower() == ".npz":
+        return _without_p(array_lenses(path, image_size))
+    return _of_text(path, _text(path), image_size)
+
+
+def _of_text(
+    path: Path, text: str, image_size: tuple[int, int] | None
+) -> dict[str, CameraInfoFields]:
     if is_colmap(text):
         return _without_p(colmap_lenses(path))
     lines = (line.strip() for line in text.splitlines())
@@ -186,7 +207,7 @@ def _of_file(path: Path, image_size: tuple[int, int] | None) -> dict[str, Camera
     try:
         storage = OpencvStorage(path)
     except InputError as error:
-        known = path.suffix in _ENDINGS
+        known = path.suffix.lower() in _ENDINGS
         raise InputError(f"{error if known else f'{path} has no lens'}; {_EXPECTED}") from None
     content = storage.content
     if "camera_matrix" in content and _CAMERA_INFO & content.keys():
@@ -196,9 +217,20 @@ def _of_file(path: Path, image_size: tuple[int, int] | None) -> dict[str, Camera
     if str(content.get("format", "")).startswith("stcalib/"):
         return _without_p({c.name: c.intrinsics for c in read_result(path).cameras})
     if has_matrix(content):
-        return _without_p(storage_lenses(storage, path, image_size))
+        return _without_p(matrix_lenses(content, path, image_size))
     keys = ", ".join(map(str, list(content)[:_SHOWN])) or "nothing"
     raise InputError(f"{path} has no lens, but {keys[:MAX_QUOTED]}; {_EXPECTED}")
+
+
+def _text(path: Path) -> str:
+    if path.suffix.lower() in (".gz", ".tgz", ".zip"):
+        raise InputError(f"{path} is an archive: unpack it, and name the file of lenses in it")
+    text = read_bounded(path, MAX_YAML_LENGTH)
+    if not text.strip():
+        raise InputError(f"{path} is empty: write it again, or name another file of lenses")
+    if _OST_TEXT.search(text):
+        raise InputError(f"{path} has lenses as text: name the ost.yaml that was saved beside it")
+    return text
 
 
 def _without_p(lenses: Mapping[str, Intrinsics]) -> dict[str, CameraInfoFields]:

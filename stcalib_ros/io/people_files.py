@@ -79,7 +79,7 @@ def require_people_writable(path: Path) -> None:
     InputError
         Its name ends otherwise than in `ENDINGS`, or it cannot be written.
     """
-    if path.suffix not in ENDINGS:
+    if path.suffix.lower() not in ENDINGS:
         raise InputError(
             f"{path}: people are written as {' or '.join(ENDINGS)}, by the end of the name"
         )
@@ -95,10 +95,10 @@ def write_people(content: PeopleFile, path: Path) -> tuple[Path, ...]:
         The files: `path` itself, or of several people in TRC those with _P0, _P1, ... before the
         ending.
     """
-    if path.suffix == ".npz":
+    if path.suffix.lower() == ".npz":
         _write_npz(content, path)
         return (path,)
-    if path.suffix == ".mcap":
+    if path.suffix.lower() == ".mcap":
         frame_id = content.calibration.reference_frame
         write_people_bag(content.people, content.epoch_ns, frame_id, path)
         return (path,)

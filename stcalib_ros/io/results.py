@@ -126,6 +126,10 @@ def read_result(path: Path | str) -> Calibration:
     >>> st.read_result("truth.yaml").reference
     'cam0'
     """
+    if Path(path).suffix.lower() in (".mcap", ".db3"):
+        raise InputError(
+            f"{path} is a bag: name a result, the .yaml file that was calibrated from it"
+        )
     top = Entry(read_yaml(Path(path)), str(path), ": ")
     version = top.get("format").value
     if version != FORMAT:

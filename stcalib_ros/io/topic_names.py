@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 
 from stcalib_ros.io.message_types import PERSON_POSES, TYPES, Content, types_of
@@ -24,6 +26,20 @@ def camera_name(pose_topic: str, pose_type: str = PERSON_POSES.name) -> str:
     if node and len(namespace) > len(node) and tuple(namespace[-len(node) :]) == node:
         namespace = namespace[: -len(node)]
     return "/".join(namespace) or last
+
+
+def name_for_topics(text: str) -> str:
+    """Return a name of a camera as topics can have it: letters a to z, digits and underscores.
+
+    Examples
+    --------
+    >>> name_for_topics("Küche 1"), name_for_topics("2")
+    ('Kuche_1', 'cam2')
+    """
+    split = unicodedata.normalize("NFKD", text)
+    bare = "".join(one for one in split if not unicodedata.combining(one))
+    name = re.sub(r"\W", "_", bare, flags=re.ASCII).strip("_")
+    return f"cam{name}" if name[:1].isdigit() else name
 
 
 def topics_of_people(pose_topic: str, types_by_topic: Mapping[str, str]) -> tuple[str, ...]:

@@ -112,7 +112,8 @@ def parse_yaml(
     try:
         return _Content(what, max_nodes, mapping_tags).of(yaml.parse(text, Loader=_Parser))
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError(f"{what} is not valid YAML: {' '.join(str(error).split())}") from error
+        reason = " ".join(str(error).split()).replace('in "<unicode string>",', "at")
+        raise InputError(f"{what} is not valid YAML: {reason}") from error
 
 
 class _Content:

@@ -67,6 +67,13 @@ def test_objects_of_python_are_refused(tmp_path: Path, capsys: pytest.CaptureFix
     assert "pickle" not in said
 
 
+def test_a_folder_of_arrays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("a.npz", "b.npz"):
+        np.savez(tmp_path / name, camera_names=["cam0"], det_kp2d=np.zeros((0, 17, 3)))
+    assert main(["convert", str(tmp_path), str(tmp_path / "o.mcap")]) == 2
+    assert "has files of multi-view arrays: name one: a.npz, b.npz" in capsys.readouterr().err
+
+
 def test_every_format_is_explained() -> None:
     docs = Path(__file__).parents[2] / "docs"
     pages = (docs / "formats.md").read_text() + (docs / "datasets.md").read_text()

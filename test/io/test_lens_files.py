@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 
 import stcalib_ros as st
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.geometry.lens import project
 from stcalib_ros.core.model.recording import Intrinsics, LensModel
+from stcalib_ros.io.camera_info_yaml import camera_info_text
 from stcalib_ros.io.lens_files import lenses_of, read_lenses
 
 K = np.array([[801.25, 0.0, 641.5], [0.0, 799.0625, 351.75], [0.0, 0.0, 1.0]])
@@ -101,6 +106,20 @@ IMAGES = """\
 10.5 20.5 -1 3 4 5
 3 1 0 0 0 0 0 0 3 left/001.jpg
 
+"""
+
+
+OST_TEXT = """\
+# oST version 5.0 parameters
+
+
+[image]
+
+width
+1280
+
+height
+720
 """
 
 
@@ -258,6 +277,72 @@ def test_opencv_with_several_cameras(tmp_path: Path) -> None:
         read_lenses(path)
 
 
+PLAIN = {"mtx": K.tolist(), "dist": [PLUMB.tolist()], "image_size": [1280, 720]}
+
+
+def save_arrays(path: Path, content: Mapping[str, Any]) -> None:
+    np.savez(path, **content)
+
+
+def save_json(path: Path, content: Mapping[str, Any]) -> None:
+    path.write_text(json.dumps(content), encoding="utf-16")
+
+
+def save_yaml(path: Path, content: Mapping[str, Any]) -> None:
+    path.write_bytes(yaml.safe_dump(content).replace("\n", "\r\n").encode("utf-8-sig"))
+
+
+@pytest.mark.parametrize(
+    ("name", "save"),
+    [("a.npz", save_arrays), ("a.json", save_json), ("A.YAML", save_yaml)],
+)
+def test_matrices_as_python_programs_save_them(
+    tmp_path: Path, name: str, save: Callable[[Path, Mapping[str, Any]], None]
+) -> None:
+    """As OpenCV's tutorials do, with lists in the place of its own matrices."""
+    save(tmp_path / name, PLAIN)
+    assert_projects(read_lenses(tmp_path / name)["a" if name[0] == "a" else "A"])
+    save(tmp_path / name, {key: PLAIN[key] for key in ("mtx", "dist")})
+    assert_projects(lenses_of(tmp_path / name, ["front"], image_size=(1280, 720))["front"])
+    with pytest.raises(InputError, match="mtx: the file has no size of the image: add image_widt"):
+        read_lenses(tmp_path / name)
+
+
+def test_a_mapping_a_camera(tmp_path: Path) -> None:
+    other = {"K": K.tolist(), "D": FISHEYE.tolist(), "size": [1280, 720], "fisheye": True}
+    save_json(tmp_path / "a.json", {"left": PLAIN, "right": other, "date": "today"})
+    lenses = read_lenses(tmp_path / "a.json")
+    assert list(lenses) == ["left", "right"]
+    assert_projects(lenses["left"])
+    assert_projects(lenses["right"], FISHEYE, fisheye=True)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"x": np.eye(2)}, r"has no camera matrix \(mtx, K or camera_matrix\), but x"),
+        ({"camera_names": ["a", "b"], "K": K[None]}, "expected a row for each of 2 cameras"),
+        ({"camera_names": ["a"], "K": 0.0}, "expected a row for each of 1 cameras"),
+    ],
+)
+def test_unusable_arrays(tmp_path: Path, arrays: dict[str, Any], message: str) -> None:
+    np.savez(tmp_path / "a.npz", **arrays)
+    with pytest.raises(InputError, match=message):
+        read_lenses(tmp_path / "a.npz")
+
+
+def test_a_folder_with_a_folder_a_camera(tmp_path: Path) -> None:
+    """As calibrationdata.tar.gz of each camera is unpacked; names are compared as of topics."""
+    truth = st.simulate(st.SceneOptions(n_cameras=3, n_frames=30)).truth
+    for name, camera in zip(("Küche 1", "2", "cam0"), truth.cameras, strict=True):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "ost.yaml").write_text(camera_info_text(camera))
+        (tmp_path / name / "ost.txt").write_text(OST_TEXT)
+        (tmp_path / name / "._ost.yaml").write_bytes(b"\0\5\26\7")
+        (tmp_path / name / "left-0000.png").write_bytes(b"\x89PNG")
+    assert list(lenses_of(tmp_path, ["cam0", "cam2", "Kuche_1"])) == ["cam0", "cam2", "Kuche_1"]
+
+
 def test_a_folder_with_a_file_a_camera(tmp_path: Path) -> None:
     truth = st.simulate(st.SceneOptions(n_cameras=2, n_frames=30)).truth
     st.write_camera_info(truth, tmp_path)
@@ -285,7 +370,7 @@ def test_names_of_cameras(tmp_path: Path) -> None:
         lenses_of(many, ["cam0", "cam2"])
     one = written(tmp_path / "any.toml", POSE2SIM)
     assert list(lenses_of(one, ["a", "b"])) == ["a", "b"]
-    with pytest.raises(InputError, match="no lens of cam02: it has"):
+    with pytest.raises(InputError, match=r"no lens of cam02: it has .*; add those"):
         lenses_of(one, ["cam01", "cam02"])
 
 
@@ -293,7 +378,11 @@ def test_names_of_cameras(tmp_path: Path) -> None:
     ("name", "text", "message"),
     [
         ("a.yaml", "people: [1, 2]", "a.yaml has no lens, but people; lenses are read from came"),
-        ("a.yaml", "", "is not a file of OpenCV's FileStorage; lenses are read from camera_info"),
+        ("a.yaml", " \n", "a.yaml is empty: write it again, or name another file of lenses"),
+        ("ost.txt", OST_TEXT, "has lenses as text: name the ost.yaml that was saved beside it"),
+        ("x.tar.gz", "", "is an archive: unpack it, and name the file of lenses in it"),
+        ("a.json", '{"K": [[1, 0], [0, 1]]}', "a.json has no lens, but K; lenses are read from"),
+        ("a.json", '{"mtx": [[1, 0, 0], [0, 1, "x"], [0, 0, 1]]}', "mtx cannot be read"),
         ("a.md", "# Lenses\n- [a: b", r"a\.md has no lens; lenses are read from camera_info YAML"),
         ("a.yaml", 5000 * "\n" + "- a", "is not a file of OpenCV's FileStorage; lenses are"),
         ("a.txt", "1 PINHOLE 640 480 8 8 3 2\n2", "camera 2: the model  cannot be used: expected"),
@@ -318,7 +407,7 @@ def test_what_is_no_lens(tmp_path: Path, name: str, text: str, message: str) -> 
 
 
 def test_folders_without_lenses(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"has no lenses: expected a file a camera, CAM\.yaml, or"):
+    with pytest.raises(InputError, match=r"has no lenses: expected a file a camera, CAM\.yaml or"):
         read_lenses(tmp_path)
     with pytest.raises(InputError, match="no such file"):
         read_lenses(tmp_path / "missing.yaml")

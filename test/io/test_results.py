@@ -305,6 +305,8 @@ def test_no_such_file(tmp_path: Path) -> None:
         read_result(tmp_path / "out.yaml")
     with pytest.raises(InputError, match="cannot read"):
         read_result(tmp_path)
+    with pytest.raises(InputError, match=r"walk\.mcap is a bag: name a result, the \.yaml file"):
+        read_result(tmp_path / "walk.mcap")
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="is not a text file"):
         read_result(tmp_path / "binary")

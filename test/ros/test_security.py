@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,8 +14,10 @@ pytest.importorskip("stcalib_ros.msg", reason="the messages are not built: make 
 
 from live import Client, LiveNode
 from rclpy.node import NodeNameNonExistentError
+from sensor_msgs.msg import Image
 
-POLICY = Path(__file__).parents[2] / "config" / "sros2" / "policy.xml"
+ROOT = Path(__file__).parents[2]
+POLICY = ROOT / "config" / "sros2" / "policy.xml"
 ONLY_WITH_SIMULATED_TIME = {("subscribe", "/clock")}
 ONLY_WITH_TF2_MSGS = {("publish", "/tf_static")}
 ACTION = "/_action/"
@@ -60,7 +63,10 @@ def used(client: Client, node: str) -> Grants:
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
-    """Somebody who looks at the nodes with the parameters that they have by default."""
+    """Somebody who looks at the nodes with the parameters that they have by default.
+
+    Images are theirs, as of a camera driver: the pose estimator subscribes to what is published.
+    """
     folder = tmp_path_factory.mktemp("secured")
     typed = {
         f"camera.{camera}.topics": str(
@@ -68,23 +74,30 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
         )
         for camera in ("cam0", "cam1")
     }
+    patch = pytest.MonkeyPatch()
+    patch.setenv("PYTHONPATH", str(ROOT / "test/helpers"), prepend=":")
+    estimator = {"cameras": "[cam0, cam1]", "estimator": "painted_poses:PaintedPoses"}
     lives = [
+        LiveNode(folder, estimator, "pose_estimator", executable="pose_estimator"),
         LiveNode(folder, {"results_folder": str(folder)}, "calibrator"),
         LiveNode(
             folder, typed | {"input_reliability": "best_effort"}, "restamp", executable="restamp"
         ),
     ]
+    patch.undo()
     client = Client("calibrator")
+    for camera in ("cam0", "cam1"):
+        client.publisher(Image, f"/{camera}/image_raw")
     try:
         yield client
-        assert [live.stop()[0] for live in lives] == [0, 0]
+        assert [live.stop()[0] for live in lives] == [0, 0, 0]
     finally:
         for live in lives:
             live.kill()
         client.close()
 
 
-@pytest.mark.parametrize("node", ["calibrator", "restamp"])
+@pytest.mark.parametrize("node", ["calibrator", "restamp", "pose_estimator"])
 def test_a_node_is_granted_what_it_has_and_nothing_else(client, node):
     needed = granted(f"/stcalib/{node}") - ONLY_WITH_SIMULATED_TIME - ONLY_WITH_TF2_MSGS
     client.wait(lambda: used(client, node) >= needed, f"all of {node}")
@@ -130,8 +143,27 @@ def test_who_only_looks_can_ask_for_nothing_and_nobody_speaks_for_another():
             if right == "publish" and name not in common:
                 speakers.setdefault(name, []).append(enclave)
     for name, who in speakers.items():
-        others = set(who) - {"/stcalib/replay", "/stcalib/publish"}
+        others = set(who) - {"/stcalib/replay", "/stcalib/publish", "/stcalib/pose_estimator"}
         assert len(others) <= 1 or name == "/diagnostics", f"{name}: {others}"
+
+
+def test_one_pose_estimator_publishes_the_poses_of_all_cameras_and_nothing_else_of_them():
+    of_cameras = {
+        (right, name)
+        for camera in ("cam0", "cam1")
+        for right, name in granted(f"/stcalib/{camera}")
+        if name.endswith("/person_poses")
+    }
+    published = {one for one in granted("/stcalib/pose_estimator") if one[0] == "publish"}
+    common = {"/rosout", "/parameter_events", "/diagnostics"}
+    assert published == of_cameras | {("publish", name) for name in common}
+
+
+def test_the_page_has_every_enclave():
+    page = (ROOT / "docs" / "security.md").read_text()
+    assert {f"`{enclave}`" for enclave in enclaves()} - set(
+        re.findall(r"`/stcalib/\w+`", page)
+    ) == set()
 
 
 def test_the_policy_has_the_form_that_sros2_reads():

@@ -71,8 +71,13 @@ class OpencvStorage:
         entry = self.content[key]
         if not isinstance(entry, Mapping):
             raise TypeError(f"{key} is not a matrix")
-        values: Float64Array = np.array([_number(value) for value in entry["data"]])
-        return values.reshape(int(entry["rows"]), int(entry["cols"]))
+        return matrix_of(entry)
+
+
+def matrix_of(entry: Mapping[Any, Any]) -> Float64Array:
+    """Return a matrix from its rows, cols and data; a KeyError or ValueError if there is none."""
+    values: Float64Array = np.array([_number(value) for value in entry["data"]])
+    return values.reshape(int(entry["rows"]), int(entry["cols"]))
 
 
 def _number(value: object) -> float:

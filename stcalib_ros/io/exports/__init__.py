@@ -121,7 +121,7 @@ def exported_files(exported: Exported, form: ExportFormat, path: Path) -> dict[P
             f"{form.name} has lengths in metres, and this calibration has none: calibrate with "
             "scale.body_height_m or scale.distances, or choose a format without a unit (npz)"
         )
-    if form.endings and path.suffix not in form.endings:
+    if form.endings and path.suffix.lower() not in form.endings:
         raise InputError(
             f"{str(path)!r}: name a file that ends in {' or '.join(form.endings)} for {form.name}"
         )

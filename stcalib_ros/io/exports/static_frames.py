@@ -97,7 +97,7 @@ def _frames(calibration: Calibration) -> list[_StaticFrame]:
 
 def _urdf(exported: Exported, name: str) -> Files:
     root, frames = exported.calibration.reference_frame, _frames(exported.calibration)
-    if name.endswith(".xacro"):
+    if name.lower().endswith(".xacro"):
         root = f"${{prefix}}{root}"
         body = _link(root) + _joint("${parent}", root, "${xyz}", "${rpy}")
         body += _joints(root, frames, "${prefix}")
@@ -130,7 +130,7 @@ def _joint(parent: str, child: str, xyz: str, rpy: str) -> str:
 
 def _launch(exported: Exported, name: str) -> Files:
     root, frames = exported.calibration.reference_frame, _frames(exported.calibration)
-    if name.endswith(".py"):
+    if name.lower().endswith(".py"):
         rows = "".join(
             f"    {(frame.child, *map(float, frame.t), *frame.quaternion())!r},\n"
             for frame in frames

@@ -34,8 +34,8 @@ SOURCES: Mapping[str, PoseFormat] = {
     "caliscope": CALISCOPE,
     "freemocap": FREEMOCAP,
     "easymocap_2d": EASYMOCAP_2D,
-    "openpose": OPENPOSE,
     "alphapose": ALPHAPOSE,
+    "openpose": OPENPOSE,
     "mmpose": MMPOSE,
     "coco": COCO,
     "ultralytics": ULTRALYTICS,
@@ -61,8 +61,14 @@ def read_source(name: str, path: Path) -> PoseSource:
     files = files_below(path)
     with reading(path, SOURCES[name].what):
         source = SOURCES[name].read(path, files)
+    if not source.cameras:
+        raise InputError(f"{path} has no files of poses that can be read ({SOURCES[name].what})")
     if not any(camera.poses for camera in source.cameras):
-        raise InputError(f"{path} has no poses of {SOURCES[name].what}")
+        n = sum(len(camera.images) for camera in source.cameras)
+        raise InputError(
+            f"{path} has nobody in any of {n} images ({SOURCES[name].what}): check that the pose "
+            "estimator saw the people"
+        )
     cameras = sorted(source.cameras, key=lambda camera: natural_order(camera.name))
     return replace(source, cameras=tuple(cameras))
 

@@ -21,8 +21,9 @@ import numpy as np
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.recording import Intrinsics
+from stcalib_ros.io.files import head
 from stcalib_ros.io.lens_formats.toml import toml_lenses
-from stcalib_ros.io.sources.cameras import head, plain_name, with_suffix
+from stcalib_ros.io.sources.cameras import plain_name, with_suffix
 from stcalib_ros.io.sources.form import (
     CameraPoses,
     Pose,
@@ -31,7 +32,13 @@ from stcalib_ros.io.sources.form import (
     reading,
     whole_number,
 )
-from stcalib_ros.io.sources.tables import CAMERA, find_column, read_table, stamps_of
+from stcalib_ros.io.sources.tables import (
+    CAMERA,
+    column_names,
+    find_column,
+    read_table,
+    stamps_of,
+)
 from stcalib_ros.io.toml_files import read_toml
 
 _KEYPOINT = ("keypoint_id", "point_id")
@@ -45,7 +52,7 @@ tracker, of the recording, of all recordings and of the project. Definition of t
 
 
 def _is_table(text: str) -> bool:
-    columns = text.partition("\n")[0].strip().split(",")
+    columns = column_names(text.partition("\n")[0])
     return {"sync_index", "img_loc_x"} <= set(columns) and find_column(
         columns, _KEYPOINT
     ) is not None
@@ -69,10 +76,14 @@ def read_caliscope(path: Path, files: Sequence[Path]) -> PoseSource:
     people = [
         t for t in tables if not any(w in str(t.relative_to(path.parent)).lower() for w in _BOARDS)
     ]
-    if len(people) != 1:
-        names = ", ".join(str(table) for table in people or tables) or "none"
+    if not people:
         raise InputError(
-            f"{path}: expected one table of people, xy_TRACKER.csv, got {names}: name it"
+            f"{path} has no table of people, xy_TRACKER.csv, but {len(tables)} of boards: track "
+            "the people of a recording with Caliscope, and convert again"
+        )
+    if len(people) > 1:
+        raise InputError(
+            f"{path} has several tables of people: name one: {', '.join(map(str, people))}"
         )
     (table,) = people
     with reading(table, "a table of Caliscope's points"):

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path, PurePath
 from typing import NamedTuple
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.io.files import head
 from stcalib_ros.io.limits import MAX_SOURCE_FILES
 from stcalib_ros.io.messages import NS
+from stcalib_ros.io.topic_names import name_for_topics
 
-_HEAD_BYTES = 1 << 16
-"""Bytes at the begin of a file by which it is recognised: MMPose's, which begin with a description
-of the joints, have 20,000 before the first pose. Measured."""
 _N_LOOKED_AT = 50
 """Files that are looked at to recognise a source, count: images at its begin may be without people.
 Chosen."""
@@ -46,38 +46,70 @@ class NumberedFile(NamedTuple):
 
 
 def files_below(path: Path) -> tuple[Path, ...]:
-    """All files of a source, in the order of their names; hidden ones are left out.
+    """All files of a source, in the order of their names, also behind symbolic links.
+
+    Hidden ones, and what macOS adds to archives, are left out.
 
     Raises
     ------
     InputError
-        It is not there, or has more files than any recording.
+        It is not there, a folder or link of it leads nowhere, or it has more files than any
+        recording.
     """
     if path.is_file():
         return (path,)
     if not path.is_dir():
         raise InputError(f"no such file or folder: {path}")
     found = []
-    for file in path.rglob("*"):
-        if not any(part.startswith(".") for part in file.relative_to(path).parts):
-            found.append(file)
+    for file in _walk(path):
+        found.append(file)
         if len(found) > MAX_SOURCE_FILES:
             raise InputError(f"{path} has more than {MAX_SOURCE_FILES} files: name a folder in it")
     return tuple(sorted(file for file in found if file.is_file()))
 
 
-def head(path: Path) -> str:
-    """Begin of a text file; empty if it is none or cannot be read."""
-    try:
-        with path.open("rb") as stream:
-            return stream.read(_HEAD_BYTES).decode("utf-8", errors="ignore").lstrip()
-    except OSError:
-        return ""
+def _walk(path: Path) -> Iterator[Path]:
+    for folder, inner, names in os.walk(path, followlinks=True, onerror=_refuse):
+        inner[:] = [
+            n for n in inner if not _left_out(n) and not _is_above(Path(folder, n), Path(folder))
+        ]
+        for file in (Path(folder, name) for name in names if not _left_out(name)):
+            if file.is_symlink() and not file.exists():
+                raise InputError(f"{file} is a link to {file.readlink()}, which is not there")
+            yield file
+
+
+def _refuse(error: OSError) -> None:
+    raise InputError(f"cannot read the folder {error.filename}: {error.strerror}") from error
+
+
+def _left_out(name: str) -> bool:
+    return name.startswith(".") or name == "__MACOSX"
+
+
+def _is_above(link: Path, folder: Path) -> bool:
+    """Whether a symbolic link leads back to a folder that it is in."""
+    return link.is_symlink() and folder.resolve().is_relative_to(link.resolve())
 
 
 def with_suffix(files: Iterable[Path], suffix: str) -> list[Path]:
     """Return the files of one ending."""
     return [file for file in files if file.suffix.lower() == suffix]
+
+
+def fitting_files(files: Sequence[Path], suffix: str, fits: Callable[[str], bool]) -> list[Path]:
+    """Return the files of one ending whose begin fits; all of that ending, if that of none does.
+
+    Raises
+    ------
+    InputError
+        Some fit, and another is empty: a camera would be missing.
+    """
+    heads = {file: head(file) for file in with_suffix(files, suffix)}
+    fitting = [file for file, text in heads.items() if fits(text)]
+    if fitting and (empty := [file for file, text in heads.items() if not text]):
+        raise InputError(f"{empty[0]} is empty: write it again, or remove it")
+    return fitting or list(heads)
 
 
 def looked_at(files: Sequence[Path], suffix: str) -> list[Path]:
@@ -164,18 +196,27 @@ def _names(root: Path, keys: Sequence[tuple[str, ...]]) -> list[str]:
     names = (
         list(alone[0]) if alone else ["_".join(filter(None, p)) for p in zip(*telling, strict=True)]
     )
-    if len(set(names)) < len(keys):
-        twice = sorted({name for name in names if names.count(name) > 1})
-        raise InputError(
-            f"{root}: two cameras would be called {', '.join(twice)}: give each its own folder"
-        )
+    _require_names(root, keys, names)
     return names
 
 
+def _require_names(root: Path, keys: Sequence[tuple[str, ...]], names: Sequence[str]) -> None:
+    made_of = "names of cameras are made of the letters a to z, digits and underscores"
+    given = [Path(*key).as_posix() for key in keys]
+    for k, name in enumerate(names):
+        same = [own for own, other in zip(given, names, strict=True) if other == name]
+        if not name:
+            raise InputError(f"{root}: {given[k]} gives its camera no name: rename it; {made_of}")
+        if len(same) > 1:
+            raise InputError(
+                f"{root}: {' and '.join(same[:2])} would both be called {name}: rename one; "
+                f"{made_of}"
+            )
+
+
 def plain_name(text: str) -> str:
-    """Return a camera's name as topics can have it: letters, digits and underscores."""
-    name = re.sub(r"\W", "_", _ADDED.sub("", text), flags=re.ASCII).strip("_")
-    return f"cam{name}" if name[:1].isdigit() else name
+    """Return a camera's name as topics can have it, without what programs add to it."""
+    return name_for_topics(_ADDED.sub("", text))
 
 
 def natural_order(name: str) -> tuple[tuple[str, int], ...]:

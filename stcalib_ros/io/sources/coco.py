@@ -4,6 +4,8 @@
 
     SOURCE/CAMERA/alphapose-results.json     [{"image_id": "0.jpg", "keypoints": [x, y, score, ...],
                                                "idx": 1, "box": ..., ...}, ...]
+                                             with --format open, cmu: {"0.jpg": {"people": [
+                                               {"pose_keypoints_2d"}]}, "bodies", "joints" for cmu
     SOURCE/CAMERA.json                       the same of another program, or
                                              {"images": [{"id", "file_name", "width", "height"}],
                                               "annotations": [{"image_id", "keypoints"}]}
@@ -19,14 +21,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
+from stcalib_ros.io.files import head
 from stcalib_ros.io.json_files import read_json
-from stcalib_ros.io.sources.cameras import head, looked_at, with_suffix
+from stcalib_ros.io.sources.cameras import fitting_files, looked_at
 from stcalib_ros.io.sources.form import PoseFormat, PoseSource, points_of, reading, track_of
 from stcalib_ros.io.sources.images import PersonInImage, cameras_of_images
 
 _ALPHAPOSE_FILE = "alphapose-results.json"
 _LIST = re.compile(r"\[\s*\{")
 _OF_ALPHAPOSE = re.compile(r'"(idx|box)"')
+_BY_IMAGE = re.compile(r'\{\s*"[^"]*"\s*:\s*\{\s*"version"\s*:\s*"AlphaPose')
 _WHOLE = re.compile(r'\{.*"(images|annotations)"\s*:\s*\[', re.DOTALL)
 
 
@@ -35,11 +39,12 @@ def _is_list(text: str) -> bool:
 
 
 def _is_alphapose(text: str) -> bool:
-    return _is_list(text) and bool(_OF_ALPHAPOSE.search(text))
+    of_list = _is_list(text) and bool(_OF_ALPHAPOSE.search(text))
+    return of_list or bool(_BY_IMAGE.match(text))
 
 
 def _is_coco(text: str) -> bool:
-    return _is_list(text) or bool(_WHOLE.match(text))
+    return _is_list(text) or bool(_WHOLE.match(text) or _BY_IMAGE.match(text))
 
 
 def is_alphapose(path: Path, files: Sequence[Path]) -> bool:
@@ -62,16 +67,17 @@ def read_coco(path: Path, files: Sequence[Path]) -> PoseSource:
     InputError
         A file has another form.
     """
-    json_files = with_suffix(files, ".json")
-    named = [file for file in json_files if file.name == _ALPHAPOSE_FILE]
-    fitting = [file for file in json_files if _is_coco(head(file))]
+    named = [file for file in files if file.name == _ALPHAPOSE_FILE]
     found: dict[PurePath, list[PersonInImage]] = {}
     sizes: dict[PurePath, tuple[int, int]] = {}
     complete = True
-    for file in named or fitting or json_files:
+    for file in named or fitting_files(files, ".json", _is_coco):
         content = read_json(file)
         with reading(file, "a list of COCO keypoints"):
-            if isinstance(content, Mapping):
+            if isinstance(content, Mapping) and _BY_IMAGE.match(head(file)):
+                found |= _by_image(file, content)
+                complete = False
+            elif isinstance(content, Mapping):
                 names = _image_names(file, content, sizes)
                 found |= {name: [] for name in names.values()}
                 _add(found, content["annotations"], names)
@@ -83,7 +89,21 @@ def read_coco(path: Path, files: Sequence[Path]) -> PoseSource:
 
 
 def _path(file: Path, image: object) -> PurePath:
-    return file.with_suffix("") / str(image).lstrip("/")
+    return file.with_suffix("") / str(image).replace("\\", "/").lstrip("/")
+
+
+def _by_image(
+    file: Path, content: Mapping[str, Mapping[str, Any]]
+) -> dict[PurePath, list[PersonInImage]]:
+    """People of AlphaPose's ``--format open`` and ``cmu``."""
+    return {
+        _path(file, image): [
+            PersonInImage(track_of(one.get("idx")), points_of(one[flat])) for one in found[people]
+        ]
+        for image, found in content.items()
+        for people, flat in (("people", "pose_keypoints_2d"), ("bodies", "joints"))
+        if people in found
+    }
 
 
 def _image_names(

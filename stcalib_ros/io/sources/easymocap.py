@@ -10,14 +10,16 @@ Scenes with their truth (extri.yml, keypoints3d/) are read by `stcalib_ros.io.da
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePath
 
 from stcalib_ros.core.errors import InputError
+from stcalib_ros.io.files import head
 from stcalib_ros.io.json_files import read_json
 from stcalib_ros.io.lens_files import lenses_of
-from stcalib_ros.io.sources.cameras import head, looked_at, with_suffix
+from stcalib_ros.io.sources.cameras import looked_at, with_suffix
 from stcalib_ros.io.sources.form import (
     CameraPoses,
     PoseFormat,
@@ -29,12 +31,15 @@ from stcalib_ros.io.sources.form import (
 )
 from stcalib_ros.io.sources.images import PersonInImage, cameras_of_images
 
+_ANNOTATIONS = re.compile(r'"annots"\s*:\s*\[(\s*\]|.*"keypoints")', re.DOTALL)
+"""List of the persons in an image, which may be empty."""
+
 
 def is_easymocap(path: Path, files: Sequence[Path]) -> bool:
     """Whether there are annotations with keypoints, as of EasyMocap."""
     del path
     heads = (head(file) for file in looked_at(files, ".json"))
-    return any('"annots"' in text and '"keypoints"' in text for text in heads)
+    return any(_ANNOTATIONS.search(text) for text in heads)
 
 
 def read_easymocap_2d(path: Path, files: Sequence[Path]) -> PoseSource:

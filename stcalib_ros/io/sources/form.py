@@ -142,8 +142,9 @@ def points_of(flat: ArrayLike) -> Float64Array:
 
 def track_of(value: object) -> int:
     """Return the id of a person, which may be in a list; none or -1 is `UNTRACKED`."""
-    ids = [] if value is None else value if isinstance(value, list) else [value]
-    return UNTRACKED if not ids or ids[0] == UNTRACKED else whole_number(ids[0])
+    first = next(iter(value), None) if isinstance(value, list) else value
+    untracked = first in (None, "") or float(first) == UNTRACKED  # type: ignore[arg-type]
+    return UNTRACKED if untracked else whole_number(first)
 
 
 def whole_number(value: object) -> int:

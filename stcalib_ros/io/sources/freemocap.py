@@ -23,7 +23,7 @@ from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.io.lens_formats.toml import toml_lenses
 from stcalib_ros.io.npz_files import read_npy
-from stcalib_ros.io.sources.cameras import natural_order, plain_name
+from stcalib_ros.io.sources.cameras import natural_order, plain_name, with_suffix
 from stcalib_ros.io.sources.form import CameraPoses, Pose, PoseFormat, PoseSource
 from stcalib_ros.io.sources.videos import VIDEO_ENDINGS, with_videos
 from stcalib_ros.io.toml_files import read_toml
@@ -36,7 +36,11 @@ _LAYOUT = LAYOUTS["blazepose_33"]
 def is_freemocap(path: Path, files: Sequence[Path]) -> bool:
     """Whether there is an array of 2D points, as of FreeMoCap."""
     del path
-    return any(file.name.endswith(_ARRAY) for file in files)
+    return any(_is_array(file) for file in files)
+
+
+def _is_array(file: Path) -> bool:
+    return file.name.lower().endswith(_ARRAY.lower())
 
 
 def read_freemocap(path: Path, files: Sequence[Path]) -> PoseSource:
@@ -47,7 +51,7 @@ def read_freemocap(path: Path, files: Sequence[Path]) -> PoseSource:
     InputError
         There is no such array, or it has another shape than the videos and lenses say.
     """
-    arrays = [file for file in files if file.name.endswith(_ARRAY)]
+    arrays = [file for file in files if _is_array(file)]
     if len(arrays) != 1:
         raise InputError(f"{path} has {len(arrays)} files of the name ..{_ARRAY}: expected one")
     xy = np.asarray(read_npy(arrays[0]), dtype=np.float64)
@@ -60,7 +64,7 @@ def read_freemocap(path: Path, files: Sequence[Path]) -> PoseSource:
     names = sorted(names, key=natural_order) or [f"cam{c}" for c in range(len(xy))]
     if len(names) != len(xy):
         raise InputError(f"{path} has {len(names)} videos, but points of {len(xy)} cameras")
-    lenses = _lenses([file for file in files if file.suffix == ".toml"], len(xy))
+    lenses = _lenses(with_suffix(files, ".toml"), len(xy))
     cameras = [_camera(name, xy[c], lenses[c]) for c, name in enumerate(names)]
     return PoseSource(path, with_videos(cameras, path / _VIDEOS), _LAYOUT.name)
 

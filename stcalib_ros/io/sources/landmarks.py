@@ -20,8 +20,14 @@ import numpy as np
 
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.keypoint_layouts import LAYOUTS
+from stcalib_ros.io.files import head
 from stcalib_ros.io.npz_files import names_in_npz, read_npz
-from stcalib_ros.io.sources.cameras import by_camera, head, looked_at, with_suffix
+from stcalib_ros.io.sources.cameras import (
+    by_camera,
+    fitting_files,
+    looked_at,
+    with_suffix,
+)
 from stcalib_ros.io.sources.form import (
     UNTRACKED,
     CameraPoses,
@@ -32,7 +38,14 @@ from stcalib_ros.io.sources.form import (
     whole_number,
 )
 from stcalib_ros.io.sources.images import all_images
-from stcalib_ros.io.sources.tables import FRAME, TIME, find_column, read_table, stamps_of
+from stcalib_ros.io.sources.tables import (
+    FRAME,
+    TIME,
+    column_names,
+    find_column,
+    read_table,
+    stamps_of,
+)
 
 _LAYOUT = LAYOUTS["blazepose_33"]
 _J = _LAYOUT.n_joints
@@ -58,7 +71,7 @@ def is_mediapipe(path: Path, files: Sequence[Path]) -> bool:
 
 
 def _is_table(text: str) -> bool:
-    columns = [name.strip().lower() for name in text.partition("\n")[0].split(",")]
+    columns = column_names(text.partition("\n")[0])
     by_row = find_column(columns, _LANDMARK) is not None and {"x", "y"} <= set(columns)
     return by_row or len(_wide(columns)) >= 2 * _J
 
@@ -71,10 +84,9 @@ def read_mediapipe(path: Path, files: Sequence[Path]) -> PoseSource:
     InputError
         A file has another form.
     """
-    tables = with_suffix(files, ".csv")
-    fitting = [file for file in tables if _is_table(head(file))] or tables
+    fitting = with_suffix(files, ".npz") or fitting_files(files, ".csv", _is_table)
     cameras = []
-    for name, file in by_camera(path, with_suffix(files, ".npz") or fitting).items():
+    for name, file in by_camera(path, fitting).items():
         with reading(file, "landmarks of MediaPipe"):
             read = _array if file.suffix.lower() == ".npz" else _table
             cameras.append(read(name, file))

@@ -16,13 +16,15 @@ from typing import Any
 
 import numpy as np
 
+from stcalib_ros.io.files import head
 from stcalib_ros.io.json_files import read_json
-from stcalib_ros.io.sources.cameras import head, looked_at, with_suffix
+from stcalib_ros.io.sources.cameras import fitting_files, looked_at
 from stcalib_ros.io.sources.form import PoseFormat, PoseSource, reading, track_of, whole_number
 from stcalib_ros.io.sources.images import PersonInImage, cameras_of_images
 
 _OF_MMPOSE = re.compile(r'\{\s*"(meta_info|instance_info)"|\[.*"(keypoint_scores|instances)"', re.S)
 _NOBODY = re.compile(r"\[\s*\]")
+_FITTING = re.compile(f"{_OF_MMPOSE.pattern}|{_NOBODY.pattern}", re.S)
 
 
 def is_mmpose(path: Path, files: Sequence[Path]) -> bool:
@@ -39,14 +41,19 @@ def read_mmpose(path: Path, files: Sequence[Path]) -> PoseSource:
     InputError
         A file has another form.
     """
-    json_files = with_suffix(files, ".json")
-    fitting = [f for f in json_files if _OF_MMPOSE.match(text := head(f)) or _NOBODY.match(text)]
+    numbered = [file for file in files if _is_image_or_video(file)]
+    fitting = fitting_files(numbered, ".json", lambda text: bool(_FITTING.match(text)))
     found: dict[PurePath, list[PersonInImage]] = {}
-    for file in fitting or json_files:
+    for file in fitting:
         content = read_json(file)
         with reading(file, "a result of MMPose"):
             found |= _images(file, content)
     return PoseSource(path, cameras_of_images(path, found, complete=True))
+
+
+def _is_image_or_video(file: Path) -> bool:
+    """Whether a file is about people: an empty list that is of no image may be anything."""
+    return any(c.isdigit() for c in file.stem) or not _NOBODY.match(head(file))
 
 
 def _images(file: Path, content: Any) -> dict[PurePath, list[PersonInImage]]:

@@ -18,8 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stcalib_ros.io.files import head
 from stcalib_ros.io.json_files import read_json
-from stcalib_ros.io.sources.cameras import head, looked_at, with_suffix
+from stcalib_ros.io.sources.cameras import looked_at, with_suffix
 from stcalib_ros.io.sources.form import PoseFormat, PoseSource, points_of, reading, track_of
 from stcalib_ros.io.sources.images import PersonInImage, cameras_of_images
 

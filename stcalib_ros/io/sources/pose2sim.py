@@ -16,9 +16,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.recording import Intrinsics
 from stcalib_ros.io.lens_formats.toml import toml_lenses
-from stcalib_ros.io.sources.cameras import natural_order
+from stcalib_ros.io.sources.cameras import natural_order, with_suffix
 from stcalib_ros.io.sources.form import CameraPoses, PoseFormat, PoseSource
 from stcalib_ros.io.sources.openpose import read_openpose
 from stcalib_ros.io.sources.videos import with_videos
@@ -28,8 +29,19 @@ _CONFIG = "Config.toml"
 
 
 def is_pose2sim(path: Path, files: Sequence[Path]) -> bool:
-    """Whether a folder has poses beside a configuration or a calibration."""
+    """Whether a folder, or one in it, has poses beside a configuration or a calibration."""
     del files
+    return bool(_trials(path))
+
+
+def _trials(path: Path) -> list[Path]:
+    """Return the folder itself if it is that of a trial, or the trials of a batch."""
+    if not path.is_dir() or _is_trial(path):
+        return [path] if path.is_dir() else []
+    return [folder for folder in sorted(path.iterdir()) if _is_trial(folder)]
+
+
+def _is_trial(path: Path) -> bool:
     return (path / "pose").is_dir() and bool(_configs(path) or _calibrations(path))
 
 
@@ -38,7 +50,11 @@ def _configs(path: Path) -> list[Path]:
 
 
 def _calibrations(path: Path) -> list[Path]:
-    return [file for f in _levels(path) for file in sorted((f / "calibration").glob("*.toml"))]
+    return [file for f in _levels(path) for file in _toml_files(f / "calibration")]
+
+
+def _toml_files(folder: Path) -> list[Path]:
+    return with_suffix(sorted(folder.iterdir()), ".toml") if folder.is_dir() else []
 
 
 def _levels(path: Path) -> tuple[Path, ...]:
@@ -52,8 +68,13 @@ def read_pose2sim(path: Path, files: Sequence[Path]) -> PoseSource:
     Raises
     ------
     InputError
-        A file has another form.
+        A file has another form, or it is a batch of several trials.
     """
+    trials = _trials(path) or [path]
+    if len(trials) > 1:
+        names = ", ".join(trial.name for trial in trials)
+        raise InputError(f"{path} has {len(trials)} trials of Pose2Sim: name one: {names}")
+    (path,) = trials
     folder = path / "pose"
     source = read_openpose(folder, [file for file in files if file.is_relative_to(folder)])
     cameras = sorted(source.cameras, key=lambda camera: natural_order(camera.name))

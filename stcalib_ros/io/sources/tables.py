@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal, InvalidOperation
@@ -14,7 +15,7 @@ from stcalib_ros.core.errors import InputError
 from stcalib_ros.io.files import read_bounded
 from stcalib_ros.io.limits import MAX_CSV_BYTES, MAX_TIME_S
 from stcalib_ros.io.messages import NS
-from stcalib_ros.io.sources.cameras import plain_name
+from stcalib_ros.io.sources.cameras import plain_name, with_suffix
 from stcalib_ros.io.sources.form import CameraPoses, PoseSource, reading, whole_number
 
 CAMERA = ("camera", "cam", "cam_id", "camera_id", "camera_name", "port")
@@ -23,6 +24,9 @@ TIME = ("stamp", "time", "timestamp", "frame_time", "seconds")
 """What columns are called, in small letters."""
 _UNITS = {"_ns": 1, "_us": 10**3, "_ms": 10**6, "_s": NS}
 """Nanoseconds by how the name of a column of times ends. By definition."""
+_SEPARATORS = ",;\t"
+"""What is between columns; spreadsheets write semicolons where decimals have a comma."""
+_DECIMAL_COMMA = re.compile(r"^(\s*[-+]?\d+),(\d+)")
 _UNIX = ((10**17, 1), (10**14, 10**3), (10**11, 10**6))
 """Unix times of this century from which on they are in ns, us and ms, and their ns. Derived: 10^11
 s are 3000 years, 10^14 us as ms would be as many."""
@@ -36,19 +40,31 @@ def read_table(path: Path) -> dict[str, list[str]]:
     InputError
         It cannot be read, has no rows, or rows of several lengths.
     """
-    lines = read_bounded(path, MAX_CSV_BYTES).splitlines()
+    lines = [line for line in read_bounded(path, MAX_CSV_BYTES).splitlines() if line.strip()]
+    separator = _separator("".join(lines[:1]))
     try:
-        header, *rows = [row for row in csv.reader(lines) if row]
+        header, *rows = csv.reader(lines, delimiter=separator)
     except (csv.Error, ValueError):
         raise InputError(f"{path} is no table of comma-separated values with a header") from None
-    names = [name.strip().strip("\ufeff").lower() for name in header]
+    names = [name.strip().lower() for name in header]
     if wrong := [k for k, row in enumerate(rows) if len(row) != len(names)]:
         raise InputError(
             f"{path}: row {wrong[0] + 2} has {len(rows[wrong[0]])} values, the header {len(names)}"
         )
     if not rows:
         raise InputError(f"{path} has a header, but no rows")
+    if separator != ",":
+        rows = [[_DECIMAL_COMMA.sub(r"\1.\2", value) for value in row] for row in rows]
     return {name: [row[k] for row in rows] for k, name in enumerate(names)}
+
+
+def _separator(header: str) -> str:
+    return max(_SEPARATORS, key=header.count)
+
+
+def column_names(header: str) -> list[str]:
+    """Names of the columns, in small letters, by the first line of a table."""
+    return [name.strip().strip('"').lower() for name in header.split(_separator(header))]
 
 
 def find_column(columns: Collection[str], names: Sequence[str]) -> str | None:
@@ -93,7 +109,7 @@ def with_stamps(source: PoseSource, path: Path) -> PoseSource:
     InputError
         A camera or an image that has poses is not in it.
     """
-    files = sorted(path.glob("*.csv")) if path.is_dir() else [path]
+    files = with_suffix(sorted(path.iterdir()), ".csv") if path.is_dir() else [path]
     stamps: dict[str, dict[int, int]] = {}
     for file in files:
         with reading(file, "a table of the times of images"):

@@ -17,9 +17,9 @@ import numpy as np
 
 from stcalib_ros.core.errors import InputError
 from stcalib_ros.core.model.arrays import Float64Array
-from stcalib_ros.io.files import read_bounded
+from stcalib_ros.io.files import head, read_bounded
 from stcalib_ros.io.limits import MAX_LABELS_BYTES
-from stcalib_ros.io.sources.cameras import head, looked_at, with_suffix
+from stcalib_ros.io.sources.cameras import looked_at, with_suffix
 from stcalib_ros.io.sources.form import (
     UNTRACKED,
     PoseFormat,

@@ -221,7 +221,7 @@ def test_gltf_shows_cameras_and_people(tmp_path: Path, place: Any) -> None:
     np.testing.assert_array_equal(accessor.max, ends.max(0))
 
 
-@pytest.mark.parametrize("form", ["kalibr", "colmap", "opencv", "aniposelib", "caliscope"])
+@pytest.mark.parametrize("form", ["kalibr", "colmap", "opencv", "aniposelib", "caliscope", "npz"])
 def test_lenses_are_read_back_by_us(tmp_path: Path, form: str) -> None:
     calibration = rig(PINHOLE, RADTAN, FISHEYE)
     name = f"out{next(iter(EXPORTS[form].endings), '')}"
@@ -310,6 +310,7 @@ def test_the_command_writes_every_format(
     command = ["export", str(tmp_path / "walk.yaml"), "--format", form.name, "-o", str(output)]
     assert main(command) == 0
     assert main(command) == 0  # what is there is replaced
+    assert main([*command[:-1], str(output.with_name(output.name.upper()))]) == 0
     assert capsys.readouterr().out.startswith(f"Written to {output}: 2 cameras (metres)")
     assert output.is_dir() == (not form.endings)
     if form.name == "stcalib":

@@ -58,4 +58,12 @@ def test_two_trackers_are_one_too_many(tmp_path: Path, capsys: pytest.CaptureFix
     (table,) = (root / "recordings").rglob("xy_*.csv")
     (table.parent / "xy_OTHER.csv").write_text(table.read_text())
     assert main(["convert", str(root), str(tmp_path / "o.mcap")]) == 2
-    assert "expected one table of people" in capsys.readouterr().err
+    assert "has several tables of people: name one: " in capsys.readouterr().err
+
+
+def test_boards_alone_are_no_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    root = caliscope(tmp_path / "p")
+    (table,) = (root / "recordings").rglob("xy_*.csv")
+    table.unlink()
+    assert main(["convert", str(root), str(tmp_path / "o.mcap")]) == 2
+    assert "has no table of people, xy_TRACKER.csv, but 1 of boards" in capsys.readouterr().err

@@ -42,7 +42,8 @@ def test_names(tmp_path: Path, files: list[str], expected: dict[str, list[int]])
     [
         (["a/x.json"], "no number of an image, as in x_000001.json"),
         (["a/x_1.json", "a/x_01.json"], "are of the same image"),
-        (["a b/1.json", "a-b/1.json"], "two cameras would be called a_b"),
+        (["a b/1.json", "a-b/1.json"], "a b and a-b would both be called a_b: rename one"),
+        (["a/1.json", "客/1.json"], "客 gives its camera no name: rename it; names of cameras"),
         ([f"{chr(300 + k)}_1.json" for k in range(300)], "begin in 300 different ways, too many"),
     ],
 )
@@ -52,7 +53,7 @@ def test_names_that_say_nothing(tmp_path: Path, files: list[str], message: str) 
 
 
 def test_plain_names() -> None:
-    given = ["pose_cam01_json", "0", "GoPro 7", "results_left", "cam/2", "keypoints"]
+    given = ["pose_cam01_json", "0", "GoPro 7", "results_left", "cam/2", "keypoints", "Küche"]
     assert [plain_name(n) for n in given] == [
         "cam01",
         "cam0",
@@ -60,6 +61,7 @@ def test_plain_names() -> None:
         "left",
         "cam_2",
         "keypoints",
+        "Kuche",
     ]
     assert sorted(["c10", "c2", "b"], key=natural_order) == ["b", "c2", "c10"]
 

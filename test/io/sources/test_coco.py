@@ -24,6 +24,40 @@ def test_alphapose(tmp_path: Path, tracked: bool, capsys: pytest.CaptureFixture[
         assert_read(camera, seen_by(own, "halpe_26", N), tracked=tracked)
 
 
+@pytest.mark.parametrize(
+    ("people", "joints"), [("people", "pose_keypoints_2d"), ("bodies", "joints")]
+)
+def test_alphapose_in_the_forms_of_others(tmp_path: Path, people: str, joints: str) -> None:
+    """``--format open`` and ``cmu``: a dictionary of the images, and a file for each beside it."""
+    for camera in scene().cameras:
+        images = {
+            f"walk_{k}.jpg": {
+                "version": "AlphaPose v0.3",
+                people: [{joints: one.points.ravel().tolist()} for one in seen],
+            }
+            for k, seen in enumerate(seen_by(camera, "coco_18", N))
+        }
+        folder = tmp_path / "ap" / camera.name
+        (folder / "sep-json").mkdir(parents=True)
+        (folder / "alphapose-results.json").write_text(json.dumps(images))
+        for name, content in images.items():
+            (folder / "sep-json" / f"{name[:-4]}.json").write_text(json.dumps(content))
+    recording = convert(tmp_path / "ap", "--fps", "30", *SIZE)
+    for read, camera in zip(recording.cameras, scene().cameras, strict=True):
+        assert read.layout is LAYOUTS["coco_18"]
+        assert_read(read, seen_by(camera, "coco_18", N), tracked=False)
+
+
+def test_paths_of_windows(tmp_path: Path) -> None:
+    """The folder of an image is its camera, whichever the slashes."""
+    text = coco_annotations(tmp_path / "all.json").read_text()
+    (tmp_path / "all.json").write_text(
+        text.replace("cam", "C:\\\\data\\\\cam").replace("/", "\\\\")
+    )
+    recording = convert(tmp_path / "all.json", "--fps", "30")
+    assert [camera.name for camera in recording.cameras] == ["cam0", "cam1", "cam2"]
+
+
 def test_images_without_people_are_images(tmp_path: Path) -> None:
     """A list of results has none of them: they are those between the others."""
     for c, name in enumerate(("a", "b")):
@@ -62,7 +96,7 @@ def test_annotations(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ),
         ('[{"image_id": "1.jpg", "keypoints": [1, 2, 3], "idx": 1e300}]', "is no number of an im"),
         ('{"images": [], "annotations": [{"image_id": 4, "keypoints": [1]}]}', "KeyError: 4"),
-        ('{"images": [], "annotations": []}', "has no poses"),
+        ('{"images": [], "annotations": []}', "has no files of poses that can be read"),
     ],
 )
 def test_unusable(

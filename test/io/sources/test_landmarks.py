@@ -76,7 +76,7 @@ def test_a_row_for_each_image(tmp_path: Path, first: str) -> None:
             {"landmarks": np.zeros((5, 17, 4))},
             "landmarks has shape (5, 17, 4), expected (F, 33, 4)",
         ),
-        ({"landmarks": np.full((5, 33, 4), np.nan)}, "has no poses of landmarks of MediaPipe"),
+        ({"landmarks": np.full((5, 33, 4), np.nan)}, "has nobody in any of 5 images"),
         (
             {"landmarks": np.zeros((5, 33, 4)), "frame": np.full(5, -1)},
             "-1 is no number of an image",

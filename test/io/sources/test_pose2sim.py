@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,16 @@ def test_nothing_says_the_frame_rate(tmp_path: Path, capsys: pytest.CaptureFixtu
     (trial / "videos" / "cam01.mp4").write_bytes(b"no video")
     assert main(["convert", str(trial), str(tmp_path / "o.mcap")]) == 2
     assert "cannot read the video" in capsys.readouterr().err
+
+
+def test_a_batch_is_its_trial_if_it_has_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = pose2sim(tmp_path / "batch", names=["cam01", "cam02", "cam03"], rate="25").parent
+    assert [camera.intrinsics.known for camera in convert(root).cameras] == 3 * [True]
+    shutil.copytree(root / "Trial_1", root / "Trial_2")
+    assert main(["convert", str(root), str(tmp_path / "o.mcap")]) == 2
+    assert "has 2 trials of Pose2Sim: name one: Trial_1, Trial_2" in capsys.readouterr().err
 
 
 def test_any_source_takes_what_its_videos_say(tmp_path: Path) -> None:
