@@ -254,8 +254,8 @@ def node_help(node: str, what: str, specs: Iterable[Spec]) -> str:
             what,
             "",
             f"Write parameters to {node}.yaml, under `{node}: ros__parameters:`.",
-            f"config/{node}.yaml of the package has all of them, with their defaults. Those that are",
-            f"not fixed can be changed while the node runs: ros2 param set /{node} NAME VALUE.",
+            f"config/{node}.yaml of the package has all of them, with their defaults. Those that",
+            f"are not fixed can be changed while the node runs: ros2 param set /{node} NAME VALUE.",
             "",
             *rows,
         ]
