@@ -33,7 +33,8 @@ class Curve:
     times_s : (N,) ndarray
         The same moments by the reference clock.
     height : (N,) ndarray
-        Above the floor, in the calibration's unit; NaN where not seen.
+        Above the floor, in the calibration's unit; NaN where not seen, or where the keypoint does
+        not fit.
     """
 
     camera: str
@@ -140,7 +141,7 @@ def _sights(evidence: CaptureEvidence, names: Sequence[str], room: Room, rows: I
     obs, state = last.observations, last.state
     elapsed = obs.phi[rows] + state.shift_s
     X = at_images(obs, state, rows)
-    known = (state.inlier[rows].sum(1) >= 2)[:, None] & obs.observed[rows]
+    known = (state.inlier[rows].sum(1) >= 2)[:, None] & state.inlier[rows]
     heights = np.full(known.shape, np.nan)
     for c, R_ref_cam in enumerate(last.rig.R_ref_cam):
         centre, direction = last.rig.t_ref_cam[c], _directions(obs, rows, c) @ R_ref_cam.T

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stcalib_ros.core.bundle.covariance import largest_stddev
-from stcalib_ros.core.geometry.interpolation import frame_period
+from stcalib_ros.core.geometry.interpolation import frame_rate
 from stcalib_ros.core.geometry.so3 import quaternion_from_matrix, rotation_angle
 from stcalib_ros.core.model.calibration import (
     Calibration,
@@ -151,7 +151,7 @@ def sightings(recording: Recording) -> str:
 
 
 def _sighting(camera: CameraRecording) -> tuple[str, ...]:
-    period = frame_period(camera.stamps)
+    rate_hz = frame_rate(camera.stamps)
     seen = sum(int(np.isfinite(t.keypoints).all(-1).sum()) for t in camera.tracks)
     total = sum(t.keypoints[..., 0].size for t in camera.tracks)
     lifted = sum(int(np.isfinite(t.joints[..., 0]).any(-1).sum()) for t in camera.tracks)
@@ -160,7 +160,7 @@ def _sighting(camera: CameraRecording) -> tuple[str, ...]:
     return (
         camera.name,
         str(len(camera.stamps)),
-        f"{1.0 / period:.1f} Hz" if math.isfinite(period) and period > 0 else "-",
+        f"{rate_hz:.1f} Hz" if rate_hz else "-",
         span,
         str(len(camera.tracks)),
         f"{seen} of {total}",

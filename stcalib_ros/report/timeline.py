@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from stcalib_ros.core.geometry.interpolation import frame_period
+from stcalib_ros.core.geometry.interpolation import frame_period, frame_rate
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 from stcalib_ros.core.model.clocks import clock_correction
 from stcalib_ros.core.model.recording import CameraRecording
@@ -101,10 +101,10 @@ def _row(row: ImageTimes, begin: float, span: float, color: str) -> str:
 
 def _said(row: ImageTimes) -> str:
     """Rate and gaps in words."""
-    n, period = len(row.times_s), frame_period(row.times_s)
+    n = len(row.times_s)
     if n < 2:
         return count(n, "image")
-    text = f"{1.0 / period:.1f} images a second, {count(n, 'image')}"
+    text = f"{frame_rate(row.times_s):.1f} images a second, {count(n, 'image')}"
     if not row.gaps:
         return f"{text}, no gaps"
     longest = max(b - a for a, b in row.gaps)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stcalib_ros.core.geometry.interpolation import frame_period
+from stcalib_ros.core.geometry.interpolation import frame_rate
 from stcalib_ros.core.lifting.pose_axes import projection_correlation
 from stcalib_ros.core.lifting.track_checks import continued_fraction
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
@@ -94,7 +94,6 @@ def _facts(
     camera: CameraRecording, others: Sequence[CameraRecording], options: Options
 ) -> CameraFacts:
     stamps = camera.stamps
-    period = frame_period(stamps)
     n_poses = sum(len(track.frames) for track in camera.tracks)
     seen = np.zeros(len(stamps), dtype=bool)
     for track in camera.tracks:
@@ -106,7 +105,7 @@ def _facts(
         name=camera.name,
         n_images=len(stamps),
         n_tracks=len(camera.tracks),
-        rate_hz=1.0 / period,
+        rate_hz=frame_rate(stamps),
         longest_gap_s=float(np.diff(stamps).max()) if len(stamps) > 1 else float("nan"),
         begin_s=float(stamps[0]),
         end_s=float(stamps[-1]),

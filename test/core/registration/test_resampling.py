@@ -10,7 +10,7 @@ from core_helpers import FRAME_S
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
+from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period, frame_rate
 from stcalib_ros.core.registration.resampling import common_step, joints_centre, sample_camera
 
 seeds = st.integers(0, 2**32 - 1)
@@ -52,6 +52,26 @@ def test_one_sample_is_no_interval(time):
     at = Interpolation(np.array([1.0]), np.array([time]), period=1.0)
     assert np.isnan(at(np.array([5.0]))).all()
     assert np.isnan(at.both(np.array([5.0]))[1]).all()
+
+
+def test_the_frame_rate_leaves_out_lost_images_and_gaps(rng):
+    stamps = np.arange(0, 60, 1 / 30)
+    kept = stamps[rng.random(len(stamps)) > 0.1]
+    assert frame_rate(kept[(kept < 20) | (kept > 40)]) == pytest.approx(30.0)
+    assert frame_rate(kept + rng.normal(0, 0.002, len(kept))) == pytest.approx(30.0, rel=0.03)
+
+
+def test_the_frame_rate_is_that_of_images_a_second():
+    of_15_hz = np.arange(0, 20, 1 / 15)
+    ten_a_second = of_15_hz[np.flatnonzero(np.diff(np.floor(of_15_hz * 10 + 1e-6), prepend=-1))]
+    assert frame_rate(ten_a_second) == pytest.approx(10.0, rel=0.01)
+    bunches = np.ravel(np.arange(0, 20, 0.3)[:, None] + [0.0, 0.005, 0.01])
+    assert frame_rate(bunches) == pytest.approx(10.0, rel=0.05)
+
+
+@pytest.mark.parametrize("stamps", [[], [1.0]])
+def test_one_image_has_no_rate(stamps):
+    assert frame_rate(np.array(stamps)) == 0.0
 
 
 def test_the_frame_period_is_that_of_most_images(rng):
