@@ -21,7 +21,7 @@ Print how to trim the videos of a bag so that they all begin and end at the same
 
   stcalib clocks walk.yaml walk.mcap --videos cam0=left.mp4 cam1=right.mp4
 
-Prints one ffmpeg command for each video, and what trimming cannot remove: the fraction of a frame
+For each video it prints an ffmpeg command, and what trimming cannot remove: the fraction of a frame
 by which its images are later than those of the reference camera. The first image of a camera in
 the bag is taken as the first frame of its video.
 """

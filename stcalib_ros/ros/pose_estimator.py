@@ -32,7 +32,13 @@ from stcalib_ros.ros.limits import (
     STARVED_S,
     STOP_S,
 )
-from stcalib_ros.ros.pose_estimator_parameters import IMAGE_TYPES, ImageCamera, declare_estimator
+from stcalib_ros.ros.parameter_specs import help_asked
+from stcalib_ros.ros.pose_estimator_parameters import (
+    IMAGE_TYPES,
+    ImageCamera,
+    declare_estimator,
+    estimator_help,
+)
 from stcalib_ros.ros.pose_worker import PoseWorker, RawImage
 from stcalib_ros.ros.running import events_executor, spin_until, start_node, stop_on_signals
 from stcalib_ros.ros.throttle import Throttle
@@ -202,8 +208,11 @@ def main() -> int:
     Returns
     -------
     int
-        Exit status: 0 stopped, 2 unusable parameters or estimator.
+        Exit status: 0 stopped, or helped; 2 unusable parameters or estimator.
     """
+    if help_asked(sys.argv[1:]):
+        print(estimator_help())
+        return 0
     stop = stop_on_signals()
     try:
         node = start_node("pose_estimator")
