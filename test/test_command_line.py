@@ -16,6 +16,7 @@ import stcalib_ros as st
 from stcalib_ros.cli import _COMMANDS, main
 from stcalib_ros.commands.terminal import ProgressPrinter
 from stcalib_ros.ros.parameter_specs import calibrator_help, help_asked
+from stcalib_ros.ros.pose_estimator_parameters import estimator_help
 from stcalib_ros.ros.restamp_parameters import relay_help
 
 
@@ -130,6 +131,7 @@ def test_nodes_say_what_they_do() -> None:
     assert not help_asked(["--ros-args", "--help"])
     assert "window_s (30.0)" in calibrator_help()
     assert "ros2 run stcalib_ros restamp" in relay_help()
+    assert "camera.CAMERA.image_topic ('/CAMERA/image_raw', fixed)" in estimator_help()
 
 
 def test_a_calibration_prints_as_a_short_table() -> None:

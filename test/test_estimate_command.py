@@ -101,7 +101,7 @@ def test_a_bag_that_is_not_of_films_is_not_replaced(
         (["estimate", "{film}", "{dir}/none.mp4", "-o", "{dir}/a.mcap"], "no such file"),
         (["estimate", "{dir}", "-o", "{dir}/none/a.mcap"], "no such folder"),
         (["estimate", "a.mp4", "b.mp4", "-o", "{dir}/a.yaml"], "ends in .mcap"),
-        (["calibrate", "{film}", "{dir}/a.mcap", "-o", "{dir}/a.yaml"], "a.mcap is no film"),
+        (["calibrate", "{film}", "{dir}/a.mcap", "-o", "{dir}/a.yaml"], "a.mcap is no film; where"),
         (
             ["calibrate", "{dir}/a.mcap", "-o", "{dir}/a.yaml", "--fps-limit", "5"],
             "--fps-limit is for films",

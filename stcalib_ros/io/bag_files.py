@@ -46,12 +46,7 @@ def bag_files(path: Path, *, warn: Callable[[str], None] | None = None) -> tuple
     )
     files = _listed_files(path, there, warn)
     if not files:
-        others = sorted(p.name for p in path.iterdir())
-        raise InputError(
-            f"{path} is not a bag: it has no {', '.join(_SUFFIXES)} files, but "
-            f"{', '.join(others[:_MOST_NAMES]) or 'nothing'}; `stcalib convert` makes a bag of "
-            "poses in the files of other programs"
-        )
+        raise InputError(f"{path} {_what_else(path)}")
     empty = [f for f in files if not f.stat().st_size]
     if len(empty) == len(files):
         raise InputError(
@@ -63,6 +58,20 @@ def bag_files(path: Path, *, warn: Callable[[str], None] | None = None) -> tuple
             f"{_names(empty)}"
         )
     return tuple(f for f in files if f not in empty)
+
+
+def _what_else(folder: Path) -> str:
+    """Say what a folder is that has no files of a bag, and what to do."""
+    there = sorted(folder.iterdir())
+    if bags := [path for path in there if path.is_dir() and is_bag_folder(path)]:
+        return (
+            f"is a folder of {len(bags)} bags: name one of {_names(bags)}; if they are of "
+            "different cameras at the same time, put the files of all into one folder"
+        )
+    return (
+        f"is not a bag: it has no {', '.join(_SUFFIXES)} files, but {_names(there) or 'nothing'}; "
+        "`stcalib convert` makes a bag of poses in the files of other programs"
+    )
 
 
 def is_bag_folder(path: Path) -> bool:

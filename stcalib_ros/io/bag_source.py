@@ -14,6 +14,8 @@ from stcalib_ros.io.sqlite_source import SQLITE_MAGIC, SqliteSource
 from stcalib_ros.io.unpacking import unpacked_file, unpacked_message
 
 _ROS1 = b"#ROSBAG V"
+_PACKED = (b"PK\x03\x04", b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"7z\xbc\xaf")
+"""Begin of zip, gzip, bzip2, xz and 7z files."""
 
 
 def topic_schemas(files: Sequence[Path]) -> tuple[TopicSchema, ...]:
@@ -107,6 +109,8 @@ def _kind_of(path: Path, unpacked: Path) -> tuple[type[McapSource | SqliteSource
             f"{path} is a ROS 1 bag; `rosbags-convert --src {path} --dst {path.stem}` (of the "
             "package rosbags) makes a ROS 2 bag of it"
         )
+    if head.startswith(_PACKED):
+        raise InputError(f"{path} is packed: unpack it, and name the bag in it")
     raise InputError(
         f"{path} is not a bag: it begins with {head[:8]!r}; `stcalib convert` makes a bag of poses "
         "in the files of other programs"

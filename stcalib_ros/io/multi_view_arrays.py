@@ -49,9 +49,17 @@ def checked_arrays(path: Path, given: Arrays) -> dict[str, NDArray[Any]]:
             raise InputError(f"{path} is not a multi-view file: it has {name}, but lacks {other}")
     arrays = {name: _of_kind(path, name, array) for name, array in given.items()}
     arrays = _defaults(arrays) | arrays
+    arrays["det_track"] = _own_ids(arrays["det_track"])
     _require_shapes(path, arrays)
     _require_ranges(path, arrays)
     return arrays
+
+
+def _own_ids(tracks: NDArray[Any]) -> NDArray[Any]:
+    """Return the ids, where -1, that of nobody, is a new one each time."""
+    nobody = tracks == -1
+    new = max(int(tracks.max(initial=-1)), -1) + np.cumsum(nobody)
+    return np.where(nobody, new, tracks)
 
 
 def _defaults(arrays: Arrays) -> dict[str, NDArray[Any]]:
@@ -69,6 +77,10 @@ def _defaults(arrays: Arrays) -> dict[str, NDArray[Any]]:
 
 def _of_kind(path: Path, name: str, array: NDArray[Any]) -> NDArray[Any]:
     """Return an array as text, int64 or float64; others, which are not used, as they are."""
+    if name in _TEXTS and array.dtype.kind == "S":
+        array = np.char.decode(array, "utf-8", "replace")
+    if name == "fps" and array.size == 1:
+        array = array.reshape(())
     kind = array.dtype.kind
     if name in _TEXTS and kind != "U":
         raise InputError(f"{path}: {name} must be text, got {array.dtype}")
@@ -117,6 +129,12 @@ def _require_ranges(path: Path, arrays: Arrays) -> None:
         values = arrays.get(name, np.zeros(0))
         if (np.abs(values[np.isfinite(values)]) > limit).any():
             raise InputError(f"{path}: {name} has numbers beyond {limit:g}")
+    points = arrays["det_kp2d"][..., :2]
+    if 0 < np.abs(points[np.isfinite(points)]).max(initial=0.0) <= 1:
+        raise InputError(
+            f"{path}: det_kp2d is within 1 px of the corner of the image, as if keypoints were "
+            "fractions of it: write them in pixels"
+        )
     for c, camera in enumerate(arrays["camera_names"] if "R" in arrays else ()):
         require_rotation(arrays["R"][c], f"{path}: R of camera {camera}")
         require_position(arrays["t"][c], f"{path}: t of camera {camera}")

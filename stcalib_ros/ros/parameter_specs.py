@@ -51,7 +51,14 @@ NODE_SPECS = (
     Spec("max_mb", 100.0, "Memory for the images of each camera, megabytes.", 1.0, 10_000.0),
     Spec("max_persons", 50, "Largest number of persons in an image.", 1, 1000),
     Spec("max_joints", 150, "Largest number of joints of a person.", 3, 1000),
-    Spec("queue_depth", 50, "Messages that wait for the node, per topic.", 1, 1000, fixed=True),
+    Spec(
+        "queue_depth",
+        50,
+        "Messages that may wait for the node, of each topic.",
+        1,
+        1000,
+        fixed=True,
+    ),
     Spec("auto_calibrate", True, "Calibrate as soon as enough motion has been observed."),
     Spec(
         "min_motion_s",
@@ -246,9 +253,9 @@ def node_help(node: str, what: str, specs: Iterable[Spec]) -> str:
             "",
             what,
             "",
-            f"Parameters stand in {node}.yaml under {node}: ros__parameters:. The package has that",
-            "file with all defaults in config/. Those that are not fixed can be changed while the",
-            f"node runs: ros2 param set /{node} NAME VALUE.",
+            f"Write parameters to {node}.yaml, under `{node}: ros__parameters:`.",
+            f"config/{node}.yaml of the package has all of them, with their defaults. Those that",
+            f"are not fixed can be changed while the node runs: ros2 param set /{node} NAME VALUE.",
             "",
             *rows,
         ]

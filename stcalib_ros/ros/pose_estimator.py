@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -31,7 +32,13 @@ from stcalib_ros.ros.limits import (
     STARVED_S,
     STOP_S,
 )
-from stcalib_ros.ros.pose_estimator_parameters import IMAGE_TYPES, ImageCamera, declare_estimator
+from stcalib_ros.ros.parameter_specs import help_asked
+from stcalib_ros.ros.pose_estimator_parameters import (
+    IMAGE_TYPES,
+    ImageCamera,
+    declare_estimator,
+    estimator_help,
+)
 from stcalib_ros.ros.pose_worker import PoseWorker, RawImage
 from stcalib_ros.ros.running import events_executor, running_node, spin_until
 from stcalib_ros.ros.throttle import Throttle
@@ -201,8 +208,11 @@ def main() -> int:
     Returns
     -------
     int
-        Exit status: 0 stopped, 2 unusable parameters or estimator.
+        Exit status: 0 stopped, or helped; 2 unusable parameters or estimator.
     """
+    if help_asked(sys.argv[1:]):
+        print(estimator_help())
+        return 0
     return run_command("pose_estimator", _run)
 
 

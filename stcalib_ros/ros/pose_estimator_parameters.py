@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.ros.parameter_specs import CAMERAS, Spec
+from stcalib_ros.ros.parameter_specs import CAMERAS, Spec, node_help
 from stcalib_ros.ros.parameters import declared, require_camera_names, require_known
 
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -95,6 +95,12 @@ def image_camera_specs(name: str) -> tuple[Spec, ...]:
 def estimator_specs(cameras: Iterable[str]) -> tuple[Spec, ...]:
     """All parameters but `CAMERAS`."""
     return (*(spec for name in cameras for spec in image_camera_specs(name)), *ESTIMATOR_SPECS)
+
+
+def estimator_help() -> str:
+    """Return what the pose estimator prints if it is asked for help."""
+    what = "Finds the people in the images of all cameras, and publishes their poses."
+    return node_help("pose_estimator", what, (CAMERAS, *estimator_specs(["CAMERA"])))
 
 
 def declare_estimator(node: Any) -> EstimatorSettings:

@@ -34,7 +34,9 @@ RELAY_SPECS = (
         fixed=True,
     ),
     Spec("output_reliability", "reliable", "best_effort or reliable.", fixed=True),
-    Spec("queue_depth", 10, "Messages that wait, per topic, in and out.", 1, 1000, fixed=True),
+    Spec(
+        "queue_depth", 10, "Messages that may wait, of each topic, in and out.", 1, 1000, fixed=True
+    ),
 )
 
 
@@ -85,7 +87,12 @@ def relayed_topic_specs(name: str) -> tuple[Spec, Spec]:
             "Topics with stamps of its clock, TOPIC or TOPIC:PACKAGE/msg/TYPE.",
             fixed=True,
         ),
-        Spec(f"camera.{name}.latched_topics", [""], "Further ones, that are latched.", fixed=True),
+        Spec(
+            f"camera.{name}.latched_topics",
+            [""],
+            "More topics of its clock, which are latched.",
+            fixed=True,
+        ),
     )
 
 
@@ -153,4 +160,4 @@ def _relayed_topic(parameter: str, camera: str, entry: str, latched: bool) -> Re
 def relay_help() -> str:
     """Return what the relay prints if it is asked for help."""
     what = "Republishes topics with the stamps of the reference camera's clock."
-    return node_help("restamp", what, (CAMERAS, *relay_specs(["TOPIC"])))
+    return node_help("restamp", what, (CAMERAS, *relay_specs(["CAMERA"])))

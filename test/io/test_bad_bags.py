@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import random
 import sqlite3
@@ -169,7 +170,22 @@ def _no_images(folder: Path) -> Path:
     )
 
 
+def _folder_of_bags(folder: Path) -> Path:
+    for name in ("walk_a", "walk_b"):
+        (folder / name).mkdir()
+        bags.write_bag(folder / name / "a.mcap", bags.camera())
+    return folder
+
+
+def _packed(folder: Path) -> Path:
+    path = folder / "a.mcap.gz"
+    path.write_bytes(gzip.compress(b"\x89MCAP0\r\n"))
+    return path
+
+
 CASES: dict[str, tuple[Maker, str]] = {
+    "folder of bags": (_folder_of_bags, r"is a folder of 2 bags: name one of walk_a, walk_b; if"),
+    "packed": (_packed, r"a\.mcap\.gz is packed: unpack it, and name the bag in it"),
     "pipe": (_pipe, r"a\.mcap is neither a file nor a folder: name a bag"),
     "no such file": (_no_such_file, r"no such bag: .*missing\.mcap"),
     "empty file": (_no_bytes, r"a\.mcap is empty"),

@@ -142,6 +142,25 @@ def test_nothing_of_the_truth_is_needed(tmp_path: Path, capsys: pytest.CaptureFi
     assert "has no true poses of its cameras; leave it out" in capsys.readouterr().err
 
 
+def test_names_in_bytes_a_rate_in_a_list_and_ids_of_nobody(tmp_path: Path) -> None:
+    changes = {"camera_names": np.array([b"a", b"b"]), "fps": np.array([40.0])}
+    tracks = np.where(np.arange(15) % 2, -1, source()["det_track"])
+    path = save(tmp_path / "s.npz", source(**changes, det_track=tracks))
+    assert main(["convert", str(path), str(tmp_path / "out.mcap")]) == 0
+    found = read_bag(tmp_path / "out.mcap").cameras
+    assert [camera.name for camera in found] == ["a", "b"]
+    new = [t for c in found for t in c.tracks if t.track_id > source()["det_track"].max()]
+    assert sorted(len(track.frames) for track in new) == 7 * [1]
+
+
+def test_nobody_is_no_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    unknown = dict.fromkeys(("R", "t", "det_person", "K", "dist", "det_track"))
+    nobody = {name: array[:0] for name, array in source().items() if name.startswith("det_")}
+    path = save(tmp_path / "s.npz", source(**(nobody | unknown)))
+    assert main(["convert", str(path), str(tmp_path / "out.mcap")]) == 2
+    assert "s.npz has nobody in any image: check that the pose estim" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("changes", "arguments", "message"),
     [
@@ -163,7 +182,12 @@ def test_nothing_of_the_truth_is_needed(tmp_path: Path, capsys: pytest.CaptureFi
         ({"dist": np.full((2, 5), np.inf)}, [], "finite coefficients of plumb_bob"),
         ({"det_kp3d": np.full((15, 17, 3), 1e30)}, [], "det_kp3d has numbers beyond 1e+06"),
         ({"det_kp2d": np.full((15, 17, 3), 1e30)}, [], "det_kp2d has numbers beyond 1e+06"),
-        ({"det_track": np.full(15, -1)}, [], "det_track must be indices from 0 to 4294967295"),
+        ({"det_track": np.full(15, -2)}, [], "det_track must be indices from 0 to 4294967295"),
+        (
+            {"det_kp2d": np.full((15, 17, 3), 0.5)},
+            [],
+            "as if keypoints were fractions of it: write",
+        ),
         ({"det_track": np.full(15, 2**40)}, [], "det_track must be whole numbers up to"),
         ({"det_frame": np.full(15, np.nan)}, [], "det_frame must be whole numbers up to"),
         ({"K": np.zeros((2, 3, 3), complex)}, [], "K must be numbers, got complex128"),

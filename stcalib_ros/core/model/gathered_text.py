@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Sequence
 
 
@@ -26,6 +27,20 @@ def as_sentence(text: str, names: Sequence[str]) -> str:
     """
     begins_with_name = any(text.startswith(name) for name in names)
     return f"{text if begins_with_name else text[:1].upper() + text[1:]}."
+
+
+def uncertain(size: float, limit: float, form: str) -> str:
+    """Return how uncertain something is, by format and unit of a number.
+
+    Examples
+    --------
+    >>> uncertain(1.23, 0.9, ".1f degrees"), uncertain(float("inf"), 0.9, ".1f degrees")
+    ('uncertain by 1.2 degrees (limit 0.9)', 'not determined')
+    """
+    if not math.isfinite(size):
+        return "not determined"
+    number, _, unit = form.partition(" ")
+    return f"uncertain by {size:{number}} {unit} (limit {limit:{number}})"
 
 
 def gathered(items: Sequence[tuple[Hashable, tuple[str, ...], str]]) -> list[str]:

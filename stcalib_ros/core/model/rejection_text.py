@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from stcalib_ros.core.model.gathered_text import after_names, as_sentence, gathered
+from stcalib_ros.core.model.gathered_text import after_names, as_sentence, gathered, uncertain
 from stcalib_ros.core.model.rejection import Rejection, RejectionReason, Remark
 from stcalib_ros.core.model.remark_text import ADDITIONS, REMARKS
 
@@ -218,12 +218,11 @@ _SENTENCES = {
         "keep people in view from head to feet, and for longer"
     ),
     _R.ROTATION_UNCERTAIN: (
-        "the rotation is uncertain by {measured_deg:.1f} degrees (limit {limit_deg:.1f}), since "
-        "the camera sees too little of what the others see: let people walk across more of the view"
+        "the rotation is {uncertain_by_degrees}, since the camera sees too little of what the "
+        "others see: let people walk across more of the view"
     ),
     _R.POSITION_UNCERTAIN: (
-        "the position is uncertain by {measured:.0%} of the distance to the people (limit "
-        "{limit:.0%}): let people walk across more of the view"
+        "the position is {uncertain_by_share}: let people walk across more of the view"
     ),
     _R.OFFSET_AMBIGUOUS: (
         "the time offset is ambiguous: one that differs by {alternative_s:.2f} s fits nearly as "
@@ -236,8 +235,7 @@ _SENTENCES = {
         "times needed): have people move more, and not always in the same rhythm"
     ),
     _R.OFFSET_UNCERTAIN: (
-        "the time offset is uncertain by {measured:.1f} frames (limit {limit:.1f}): have people "
-        "move faster, or record longer"
+        "the time offset is {uncertain_by_frames}: have people move faster, or record longer"
     ),
     _R.RIVAL_SOLUTION: (
         "two different solutions fit about equally well, with time offsets that differ by up to "
@@ -284,15 +282,19 @@ class _Values(dict[str, object]):
 def sentence(rejection: Rejection) -> str:
     """Return the sentence of a rejection, without the names of the cameras that it is about."""
     others = ", ".join(rejection.others)
+    size, limit = rejection.measured, rejection.limit
     return _SENTENCES[rejection.reason].format_map(
         _Values(
             rejection.values,
-            measured=rejection.measured,
-            limit=rejection.limit,
-            measured_deg=math.degrees(rejection.measured),
-            limit_deg=math.degrees(rejection.limit),
-            measured_ms=1e3 * rejection.measured,
-            limit_ms=1e3 * rejection.limit,
+            measured=size,
+            limit=limit,
+            measured_deg=math.degrees(size),
+            limit_deg=math.degrees(limit),
+            measured_ms=1e3 * size,
+            limit_ms=1e3 * limit,
+            uncertain_by_degrees=uncertain(math.degrees(size), math.degrees(limit), ".1f degrees"),
+            uncertain_by_share=uncertain(size, limit, ".0% of the distance to the people"),
+            uncertain_by_frames=uncertain(size, limit, ".1f frames"),
             and_received=_as_received(rejection),
             or_others=f", unless {others} is the cause" if others else "",
             others=others,
