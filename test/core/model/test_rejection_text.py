@@ -163,14 +163,6 @@ REJECTIONS = (
         r"time offset is not determined: have people",
     ),
     (
-        Rejection(R.ROTATION_UNCERTAIN, (), math.inf, 0.015),
-        r"the rotation is not determined, .*: let",
-    ),
-    (
-        Rejection(R.OFFSET_UNCERTAIN, (), math.inf, 0.5),
-        r"time offset is not determined: have people",
-    ),
-    (
         Rejection(R.CLOCK_NOT_STEADY, (), 0.1, 0.015, "s", values={"begin_s": 15.0, "end_s": 30.0}),
         r"from 15.0 to 30.0 s after the first .* 100 ms off .* \(limit 15 ms\); the .*: stamp",
     ),
