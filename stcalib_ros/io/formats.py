@@ -82,8 +82,9 @@ class _Mistake(NamedTuple):
 
 def _mistake(path: Path, files: Sequence[Path]) -> _Mistake | None:
     """Return what a source is that holds no poses; None: who knows."""
-    if not files:
-        return _Mistake("is an empty folder", "name the one to which the pose estimator wrote")
+    if not any(file.stat().st_size for file in files):
+        empty = "has only empty files (0 bytes)" if files else "is an empty folder"
+        return _Mistake(empty, "name the one to which the pose estimator wrote")
     counts = Counter(file.suffix.lower() for file in files)
     ending, _ = counts.most_common(1)[0]
     if ending in _PICTURES and not set(counts) & _POSE_FILES:

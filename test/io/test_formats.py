@@ -19,6 +19,11 @@ from stcalib_ros.io.formats import FORMATS
         ({"x/a.mp4": b"0"}, "x/a.mp4", "x/a.mp4 has pictures (.mp4) and no poses: run"),
         ({"x/a.jpg": b"0", "x/b.md": b"0", "x/c.jpg": b"0"}, "x", "x has pictures (.jpg)"),
         ({"x/.hidden": b"0"}, "x", "x is an empty folder: name the one to which the pose"),
+        (
+            {"x/a.json": b""},
+            "x",
+            "x has only empty files (0 bytes): name the one to which the pose",
+        ),
         ({"x/a.log": b"0", "x/b": b"0"}, "x", "a folder of 1 .log, 1 without ending, and none of"),
         ({"x.zip": b"PK\x03\x04"}, "x.zip", "x.zip is an archive: unpack it, and name the folder"),
         ({"x.docx": b"PK\x03\x04"}, "x.docx", "x.docx is a file .docx of 4 bytes, and none of"),

@@ -94,8 +94,8 @@ def matrix_lenses(
             raise InputError(f"{what} cannot be read ({type(error).__name__}: {error})") from error
         if lens is None:
             raise InputError(
-                f"{what}: the file has no size of the image: add image_width and image_height to "
-                "it, px"
+                f"{what}: the file has no size of the image: add image_width and image_height, or "
+                "image_size, to it, px"
             )
         lenses[name or path.stem] = require_lens(lens, what)
     return lenses

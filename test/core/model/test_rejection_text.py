@@ -154,17 +154,6 @@ REJECTIONS = (
         Rejection(R.ROTATION_UNCERTAIN, (), 0.05, 0.015),
         r"by 2.9 degrees \(limit 0.9\), .*: let",
     ),
-        Rejection(R.ROTATION_UNCERTAIN, (), math.inf, 0.015),
-        r"the rotation is not determined, .*: let",
-    ),
-    (
-        Rejection(R.ROTATION_UNCERTAIN, (), math.inf, 0.015),
-        r"the rotation is not determined, .*: let",
-    ),
-    (
-        Rejection(R.OFFSET_UNCERTAIN, (), math.inf, 0.5),
-        r"time offset is not determined: have people",
-    ),
     (
         Rejection(R.ROTATION_UNCERTAIN, (), math.inf, 0.015),
         r"the rotation is not determined, .*: let",
