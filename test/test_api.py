@@ -55,18 +55,6 @@ def test_the_help_of_the_command_loads_neither_numpy_nor_scipy() -> None:
     assert not {"numpy", "scipy"} & set(loaded)
 
 
-def test_a_diagnosis_does_without_scipy_which_takes_longer_to_load_than_all_else() -> None:
-    demo = ROOT / "stcalib_ros" / "data" / "demo" / "balance.mcap"
-    code = (
-        "import sys; from stcalib_ros.cli import main\n"
-        f"print('STATUS', main(['doctor', {str(demo)!r}]), *sys.modules)"
-    )
-    status, *loaded = run(code).partition("STATUS")[2].split()
-    assert status == "0"
-    assert "stcalib_ros.core.diagnosis.examine" in loaded
-    assert "scipy" not in loaded
-
-
 @pytest.mark.parametrize("name", st.__all__)
 def test_every_public_name_is_there_and_listed(name: str) -> None:
     assert getattr(st, name) is not None

@@ -15,9 +15,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.geometry.assignment import assign
 from stcalib_ros.core.geometry.robust import median_of_known
 from stcalib_ros.core.lifting.limits import (
     LONGEST_BREAK_FRAMES,
@@ -262,7 +262,7 @@ class PersonTracker:
     def _assigned(self, stamp_s: float, found: Float64Array) -> dict[int, _Person]:
         """Return the person that each pose (P, J, 2) goes on, by its index; none where nobody."""
         cost = self._costs(stamp_s, found)
-        pairs = zip(*map(np.ndarray.tolist, assign(cost)), strict=True)
+        pairs = zip(*map(np.ndarray.tolist, linear_sum_assignment(cost)), strict=True)
         pose_of = {a: b for a, b in pairs if cost[a, b] < _FORBIDDEN}
         for a in _confusable(cost, pose_of, [person.has_poses for person in self._people]):
             self._people[a].track_id, self._people[a].has_poses = self._new_id(), False

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from stcalib_ros.core.capture.evidence import CaptureEvidence, evidence_of
 from stcalib_ros.core.capture.people import find_evidence
-from stcalib_ros.core.geometry.assignment import assign
 from stcalib_ros.core.model.calibration import Calibration, PersonAssociation
 from stcalib_ros.core.model.recording import Recording
 from stcalib_ros.core.options import Options
@@ -53,7 +53,7 @@ def _numbers(evidence: CaptureEvidence, persons: Sequence[PersonAssociation]) ->
     found = [_tracks(person) for _, person in found_persons(evidence.lifted, evidence.last)]
     shared = np.array([[len(own & _tracks(one)) for one in persons] for own in found])
     shared = shared.reshape(len(found), len(persons))
-    rows, columns = assign(-shared)
+    rows, columns = linear_sum_assignment(-shared)
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
     known = {i: persons[k].person_id for i, k in pairs if shared[i, k] > 0}
     spare = max([person.person_id for person in persons], default=-1) + 1

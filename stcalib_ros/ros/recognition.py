@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
-from stcalib_ros.core.geometry.assignment import assign
 from stcalib_ros.core.geometry.lens import project
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import CameraCalibration
@@ -89,6 +89,6 @@ def _matched(errors: Float64Array, most: float) -> tuple[list[int], list[int]]:
     cost = np.sort(filled, axis=-1)
     middle = np.maximum(known.sum(-1) - 1, 0) // 2
     median = np.take_along_axis(cost, middle[..., None], axis=-1)[..., 0]
-    rows, columns = assign(np.minimum(median, most))
+    rows, columns = linear_sum_assignment(np.minimum(median, most))
     near = median[rows, columns] < most
     return list(rows[near]), list(columns[near])

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from stcalib_ros.core.capture.people import capture_people
 from stcalib_ros.core.errors import InputError
-from stcalib_ros.core.geometry.assignment import assign
 from stcalib_ros.core.model.arrays import Float64Array
 from stcalib_ros.core.model.calibration import Calibration, CameraCalibration
 from stcalib_ros.core.model.keypoint_layouts import Layout
@@ -234,7 +234,7 @@ def _where_they_were(people: Sequence[SeenPerson], before: Sequence[SeenPerson])
     numbers = [-1] * len(people)
     if people and before:
         cost = np.array([[_distance(person, other) for other in before] for person in people])
-        for row, column in np.transpose(assign(np.minimum(cost, 1.0))):
+        for row, column in np.transpose(linear_sum_assignment(np.minimum(cost, 1.0))):
             if cost[row, column] < 1.0:
                 numbers[row] = before[int(column)].number
     return numbers

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from stcalib_ros.core.bundle.gauge import spread
 from stcalib_ros.core.bundle.levenberg_marquardt import Motion, cluster_scores
@@ -138,8 +139,6 @@ class JointCovariance:
         KeyError
             A name is not among `names`.
         """
-        from scipy.linalg import block_diag
-
         rows = [self._rows(name) for name in names]
         own = [
             self.eliminated[name].conditional

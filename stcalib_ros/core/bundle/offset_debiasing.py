@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import eigvalsh
 
 from stcalib_ros.core.bundle.levenberg_marquardt import Motion, PointProblem, adjust
 from stcalib_ros.core.bundle.limits import (
@@ -72,8 +73,6 @@ class VelocityNoise:
 
     def fraction(self, system: ReducedSystem, layout: ParameterLayout) -> float:
         """Largest fraction of what a system knows of any combination of offsets that is noise."""
-        from scipy.linalg import eigvalsh
-
         offsets = layout.scalars(TIME_OFFSET)[1:]
         H = system.H[np.ix_(offsets, offsets)]
         H = H + 1e-12 * np.trace(H) * np.eye(len(H)) + 1e-30 * np.eye(len(H))

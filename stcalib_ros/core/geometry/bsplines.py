@@ -7,6 +7,7 @@ begin at its whole part, so that normal equations have a narrow band.
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
 
@@ -45,8 +46,6 @@ def summed(position: Float64Array, K: int, weight: Float64Array, of: Float64Arra
     n, T = weight.shape
     if not T:
         return np.zeros((K, *of.shape[1:]))
-    from scipy.sparse import csr_array
-
     row = first_of(position) + np.arange(n)[:, None]
     sums = csr_array((weight.ravel(), (row.ravel(), np.tile(np.arange(T), n))), shape=(K, T))
     return np.asarray(sums @ of.reshape(T, -1)).reshape(K, *of.shape[1:])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from stcalib_ros.core.model.arrays import BoolArray, IntArray
 from stcalib_ros.core.model.relative_pose import RelativePose
@@ -27,10 +28,8 @@ def components(tied: BoolArray) -> list[tuple[int, ...]]:
     tied : (C, C) ndarray of bool
         Edges between nodes; one direction of each is enough.
     """
-    reached = tied | tied.T | np.eye(len(tied), dtype=bool)
-    while not np.array_equal(further := reached @ reached, reached):
-        reached = further
-    groups = {tuple(np.flatnonzero(row).tolist()) for row in reached}
+    _, label = connected_components(tied, directed=False)
+    groups = [tuple(np.flatnonzero(label == k).tolist()) for k in range(label.max(initial=-1) + 1)]
     return sorted(groups, key=lambda group: (-len(group), group))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import correlate1d, minimum_filter1d
 
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
 
@@ -82,22 +83,15 @@ def _fitted(
     X: Float64Array, present: BoolArray, half_window: int, *, order: int, gappy_half_window: int
 ) -> tuple[Float64Array, Float64Array]:
     filled = np.where(present[..., None], X, 0.0)
-    velocity, acceleration = (_correlated(filled, one) for one in _kernels(half_window, order))
-    n_present = _correlated(present.astype(np.float64), np.ones(2 * half_window + 1))
-    gappy = n_present <= 2 * half_window
+    velocity, acceleration = (
+        correlate1d(filled, kernel, axis=0, mode="constant")
+        for kernel in _kernels(half_window, order)
+    )
+    there = present.astype(np.uint8)
+    gappy = minimum_filter1d(there, 2 * half_window + 1, axis=0, mode="constant") == 0
     if gappy.any():
         velocity[gappy], acceleration[gappy] = _cubics(filled, present, gappy, gappy_half_window)
     return velocity, acceleration
-
-
-def _correlated(X: Float64Array, kernel: Float64Array) -> Float64Array:
-    """Sums (K, ...) of the samples around each, times a kernel (W,); 0 beyond the ends."""
-    half = len(kernel) // 2
-    padded = np.pad(X, ((half, half), *((0, 0),) * (X.ndim - 1)))
-    out, term = np.zeros_like(X), np.empty_like(X)
-    for n, factor in enumerate(kernel):
-        out += np.multiply(padded[n : n + len(X)], factor, out=term)
-    return out
 
 
 def _cubics(

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stcalib_ros.core.model.arrays import Float64Array
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 _NEARLY_HALF_TURN = -1.8
 """Twice the cosine of angles whose axis cannot be read from the skew part of the matrix."""
@@ -28,7 +24,7 @@ def log_so3(R: Float64Array) -> Float64Array:
     """Rotation vectors (..., 3), rad, of rotation matrices (..., 3, 3)."""
     skew, cosine2 = _skew(R), np.trace(R, axis1=-2, axis2=-1) - 1.0
     if (cosine2 < _NEARLY_HALF_TURN).any():
-        flat = _rotations(R).as_rotvec()
+        flat = Rotation.from_matrix(np.reshape(R, (-1, 3, 3))).as_rotvec()
         return flat.reshape(*np.shape(R)[:-2], 3)
     sine2 = np.sqrt((skew**2).sum(-1))
     angle = np.arctan2(sine2, cosine2)
@@ -56,22 +52,14 @@ def _skew(R: Float64Array) -> Float64Array:
 
 def quaternion_from_matrix(R: Float64Array) -> Float64Array:
     """Unit quaternions (..., 4) in the order x, y, z, w with w >= 0."""
-    flat = _rotations(R).as_quat(canonical=True)
+    flat = Rotation.from_matrix(np.reshape(R, (-1, 3, 3))).as_quat(canonical=True)
     return flat.reshape(*np.shape(R)[:-2], 4)
 
 
 def matrix_from_quaternion(q: Float64Array) -> Float64Array:
     """Rotation matrices (..., 3, 3) of quaternions (..., 4) in the order x, y, z, w."""
-    from scipy.spatial.transform import Rotation
-
     flat = Rotation.from_quat(np.reshape(q, (-1, 4))).as_matrix()
     return flat.reshape(*np.shape(q)[:-1], 3, 3)
-
-
-def _rotations(R: Float64Array) -> Rotation:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(np.reshape(R, (-1, 3, 3)))
 
 
 def hat(v: Float64Array) -> Float64Array:

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
-from stcalib_ros.core.geometry.assignment import assign
 from stcalib_ros.core.geometry.epipolar import sampson
 from stcalib_ros.core.geometry.interpolation import (
     LONGEST_BRIDGE_S,
@@ -334,12 +334,9 @@ class Chain:
             for c, p in group:
                 if (person := self.last[c][p]) >= 0:
                     votes[g, person] += 1.0
-        known = np.flatnonzero(votes.any(1))
-        rows, columns = assign(votes[known], maximize=True)
+        rows, columns = linear_sum_assignment(votes, maximize=True)
         person_of_group = {
-            int(g): int(best)
-            for g, best in zip(known[rows], columns, strict=True)
-            if votes[g, best] > 0
+            int(g): int(best) for g, best in zip(rows, columns, strict=True) if votes[g, best] > 0
         }
         for g, group in enumerate(groups):
             if g not in person_of_group:

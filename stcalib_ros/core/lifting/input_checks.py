@@ -200,8 +200,7 @@ def _overlapping(
                 for j in members
             ]
             for i in members
-        ],
-        dtype=bool,
+        ]
     ).reshape(len(members), len(members))
     return [[members[k] for k in group] for group in components(tied)]
 

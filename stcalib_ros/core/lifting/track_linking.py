@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
-from stcalib_ros.core.geometry.assignment import assign
 from stcalib_ros.core.geometry.interpolation import frame_period
 from stcalib_ros.core.geometry.robust import median_of_known
 from stcalib_ros.core.lifting.limits import (
@@ -103,7 +103,7 @@ def _chains(poses: _Poses, longest_s: float) -> list[list[int]]:
         followed = followed[-_MAX_FOLLOWED:]
         cost = _costs(poses, [chains[k] for k in followed], rows)
         begun = set(range(len(rows)))
-        for a, b in zip(*assign(cost), strict=True):
+        for a, b in zip(*linear_sum_assignment(cost), strict=True):
             if cost[a, b] < _FORBIDDEN:
                 chains[followed[a]].append(int(rows[b]))
                 begun.discard(int(b))

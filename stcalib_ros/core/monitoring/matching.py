@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
-from stcalib_ros.core.geometry.assignment import assign
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.geometry.lens import bearings, project
 from stcalib_ros.core.integration.association import SLOT_SAMPLES, Association, associate
@@ -334,7 +334,7 @@ def _reassign(c: int, rig: Rig, body: Float64Array, arrays: tuple[Float64Array, 
     total = np.where(np.isfinite(distance), distance, 0.0).sum(-1)
     common = n_common >= MIN_COMMON_FRACTION * distance.shape[-1]
     cost = np.where(common, total / np.maximum(n_common, 1), MAX_REASSIGNED_M)
-    rows, columns = assign(np.minimum(cost, MAX_REASSIGNED_M))
+    rows, columns = linear_sum_assignment(np.minimum(cost, MAX_REASSIGNED_M))
     near = cost[rows, columns] < MAX_REASSIGNED_M
     for array in arrays:
         moved = array[c, own[rows[near]]].copy()

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from stcalib_ros.core.bundle.covariance import (
     CENTRE_ROWS,
@@ -92,8 +93,6 @@ class WorldAlignment:
         covariance : (7 C, 7 C) ndarray
             Covariance in the frame of the reference camera, as `pose_covariance` returns it.
         """
-        from scipy.linalg import block_diag
-
         C = len(rig.cameras)
         G = block_diag(*[self.unit * self.R, self.R, np.eye(1)] * C)
         first, second = first_two(rig)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
-from stcalib_ros.core.geometry.assignment import assign
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array
 
 
@@ -63,6 +63,6 @@ def match(angles: Float64Array, no_match_rad: float) -> BoolArray:
     A = np.zeros(angles.shape, dtype=bool)
     capped = np.minimum(angles, no_match_rad)
     for w, window in enumerate(capped):
-        p, q = assign(window)
+        p, q = linear_sum_assignment(window)
         A[w, p, q] = window[p, q] < no_match_rad
     return A

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
-from stcalib_ros.core.geometry.assignment import assign
 from stcalib_ros.core.geometry.graphs import spanning_tree
 from stcalib_ros.core.integration.association import Association, Chain
 from stcalib_ros.core.model.arrays import Float64Array, IntArray
@@ -90,6 +90,6 @@ def _groups(edges: Sequence[_Edge], s: int) -> list[list[tuple[int, int]]]:
 
 
 def _one_to_one(votes: Float64Array) -> list[tuple[int, int]]:
-    rows, columns = assign(votes, maximize=True)
+    rows, columns = linear_sum_assignment(votes, maximize=True)
     kept: IntArray = np.flatnonzero(votes[rows, columns] > 0)
     return [(int(rows[k]), int(columns[k])) for k in kept]

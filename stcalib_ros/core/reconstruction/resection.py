@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from stcalib_ros.core.bundle.iteration import Iteration
 from stcalib_ros.core.bundle.limits import (
@@ -21,7 +22,6 @@ from stcalib_ros.core.bundle.limits import (
     OTHER_ROTATION,
 )
 from stcalib_ros.core.bundle.parameters import ROTATION, TIME_OFFSET, TRANSLATION, ParameterLayout
-from stcalib_ros.core.geometry.assignment import assign
 from stcalib_ros.core.geometry.so3 import exp_so3, hat, rotation_angle
 from stcalib_ros.core.integration.association import SLOT_SAMPLES
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
@@ -242,7 +242,7 @@ class _Keypoints:
             for p, fit in enumerate(fits[:, rows]):
                 gain[:, p] = np.bincount(which.ravel(), fit, len(tracks))
             person = np.full(len(tracks), -1)
-            here, there = assign(gain, maximize=True)
+            here, there = linear_sum_assignment(gain, maximize=True)
             person[here] = np.where(gain[here, there] > 0, there, -1)
             chosen[rows] = person[which.ravel()]
         return chosen

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from stcalib_ros.core.bundle.normal_equations import ReducedSystem
 from stcalib_ros.core.bundle.parameters import Cameras, ParameterLayout
@@ -251,16 +252,12 @@ def _linearised(
 
 def banded_factors(N: Float64Array) -> tuple[Float64Array, ...]:
     """Cholesky factors, by joint, of blocks (4, K, J, 3, 3)."""
-    from scipy.linalg import cholesky_banded
-
     N[0] += _RIDGE * np.trace(N[0], axis1=-2, axis2=-1).mean(0)[:, None, None] * np.eye(3)
     return tuple(cholesky_banded(one, lower=True) for one in splines.banded(N))
 
 
 def banded_solve(factors: tuple[Float64Array, ...], right: Float64Array) -> Float64Array:
     """Solutions (K, J, 3, m) of right sides (K, J, 3, m)."""
-    from scipy.linalg import cho_solve_banded
-
     K, J, _, m = right.shape
     by_joint = right.transpose(1, 0, 2, 3).reshape(J, 3 * K, m)
     pairs = zip(factors, by_joint, strict=True)

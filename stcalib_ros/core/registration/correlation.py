@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import fft
 
 from stcalib_ros.core.geometry.alignment import best_rotation_trace
 from stcalib_ros.core.model.arrays import BoolArray, Float32Array, Float64Array, IntArray
@@ -53,12 +54,13 @@ def cross_covariance(a: GridTracks, b: GridTracks, *, max_lag: int) -> PairCovar
     """Cross-covariances at the lags ``-max_lag .. max_lag`` by fast Fourier transform."""
     n = a.oriented.shape[1]
     max_lag = min(max_lag, n - 1)
+    size = int(fft.next_fast_len(n + max_lag, real=True))
     lags = np.arange(-max_lag, max_lag + 1)
-    S = _correlate(_stack(a.oriented), _stack(b.oriented), lags)
+    S = _correlate(_stack(a.oriented), _stack(b.oriented), size, lags)
     P, Q = len(a.oriented), len(b.oriented)
     S = S.reshape(P, 3, Q, 3, len(lags)).transpose(0, 2, 4, 1, 3)
-    mass = _correlate(a.weight.transpose(1, 0, 2), b.weight.transpose(1, 0, 2), lags)
-    overlap = _correlate(_presence(a), _presence(b), lags)
+    mass = _correlate(a.weight.transpose(1, 0, 2), b.weight.transpose(1, 0, 2), size, lags)
+    overlap = _correlate(_presence(a), _presence(b), size, lags)
     return PairCovariance(S, mass, np.rint(overlap), lags)
 
 
@@ -72,15 +74,12 @@ def _presence(tracks: GridTracks) -> Float32Array:
     return np.asarray(tracks.present.T[..., None], dtype=np.float32)
 
 
-def _correlate(a: Float32Array, b: Float32Array, lags: IntArray) -> Float64Array:
+def _correlate(a: Float32Array, b: Float32Array, size: int, lags: IntArray) -> Float64Array:
     """``sum_k a[k] @ b[k + lag]^T`` for every lag: (N, A, D), (N, B, D) to (A, B, L).
 
     Some of the A at a time: of all lags that the transforms give, few are kept.
     """
-    from scipy import fft
-
     A, B = a.shape[1], b.shape[1]
-    size = int(fft.next_fast_len(len(a) + int(lags[-1]), real=True))
     spectrum_b = fft.rfft(b, size, axis=0).transpose(0, 2, 1)
     at_once = max(1, _BLOCK_VALUES // (size * B))
     out = np.empty((A, B, len(lags)))

@@ -29,7 +29,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy import fft
+from scipy import fft
 
 from stcalib_ros.core.geometry.interpolation import Interpolation, frame_period
 from stcalib_ros.core.model.arrays import BoolArray, Float64Array, IntArray
@@ -126,7 +126,7 @@ def correlate(
         Sums over its samples k and all joints of a monomial of a at k and one of b at k + lag.
     """
     longest = max(v.shape[1] for v in a.values) + max(v.shape[1] for v in b.values)
-    size = _fast_size(longest)
+    size = int(fft.next_fast_len(longest, real=True))
     of_b = fft.rfft(np.stack([_padded(v, size) for v in b.values]), axis=-1).transpose(0, 3, 2, 1)
     lengths = b.end - b.first
     for p, v in enumerate(a.values):
@@ -138,13 +138,6 @@ def correlate(
             lags = np.arange(max(own, 1 - v.shape[1]), min(own + 2 * max_lag + 1, length))
             c[q, lags - own] = series[q, lags % size]
         yield p, c
-
-
-def _fast_size(least: int) -> int:
-    """Return the next number without prime factors above 5, of which transforms are fast."""
-    powers = range(least.bit_length())
-    odd = (int(3**i * 5**k) for i in powers for k in powers)
-    return min(n << (-(-least // n) - 1).bit_length() for n in odd)
 
 
 def _padded(values: Float64Array, size: int) -> Float64Array:
