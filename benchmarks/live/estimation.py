@@ -58,7 +58,7 @@ _APART_S = 0.013
 _TIMEOUT_S = 60.0
 """Seconds until the nodes must have subscribed, and the calibration must have ended."""
 _REST_S = 2.0
-"""Seconds that are waited for the last poses."""
+"""Seconds that are waited for the last poses, and for nodes to know each other. Chosen."""
 _FOCAL = 0.9
 """Ratio of focal length to width of the images. Chosen: usual cameras."""
 
@@ -161,6 +161,11 @@ def _listen(
     while not pipe.poll():  # the sender is ready when all images have subscribers
         executor.spin_once(timeout_sec=0.1)
     pipe.recv()
+    known = time.monotonic() + _REST_S  # by then the nodes know that this one listens
+    while time.monotonic() < known or not all(
+        node.count_publishers(f"/{name}/person_poses") for name in names
+    ):
+        executor.spin_once(timeout_sec=0.1)
     before = [usage(pid).cpu_s for pid in pids]
     pipe.send(None)
     while not pipe.poll():
