@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from stcalib_ros.core.model.rejection import Rejection, RejectionReason
     from stcalib_ros.core.model.scale_cues import Distance
     from stcalib_ros.core.options import Options
+    from stcalib_ros.core.output.floor_plan import PlacedCalibration, placed_on_plan
     from stcalib_ros.core.pipeline import calibrate, run_stages
     from stcalib_ros.core.reconstruction.trajectories import PersonTrajectory
     from stcalib_ros.core.stages import Stages
@@ -84,6 +85,7 @@ __all__ = [
     "Options",
     "PersonAssociation",
     "PersonTrajectory",
+    "PlacedCalibration",
     "Recording",
     "Rejection",
     "RejectionReason",
@@ -101,6 +103,7 @@ __all__ = [
     "export_calibration",
     "find_layout",
     "keypoints_only",
+    "placed_on_plan",
     "read_bag",
     "read_films",
     "read_result",
@@ -148,6 +151,8 @@ _MODULE_OF = {
     "RejectionReason": "core.model.rejection",
     "Distance": "core.model.scale_cues",
     "Options": "core.options",
+    "PlacedCalibration": "core.output.floor_plan",
+    "placed_on_plan": "core.output.floor_plan",
     "calibrate": "core.pipeline",
     "run_stages": "core.pipeline",
     "Stages": "core.stages",

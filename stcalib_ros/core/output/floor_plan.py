@@ -71,6 +71,15 @@ def placed_on_plan(
     InputError
         A camera is not in the calibration, the places do not determine the frame, or the cameras
         are not so far apart.
+
+    Examples
+    --------
+    >>> import stcalib_ros as st
+    >>> truth = st.simulate(st.SceneOptions(n_cameras=3, n_people=1, n_frames=30)).truth
+    >>> places_m = {camera.name: camera.t_ref_cam + [10, 20, 0] for camera in truth.cameras}
+    >>> placed = placed_on_plan(truth, places_m, "hall")
+    >>> placed.calibration.cameras[0].t_ref_cam.round(3).tolist()
+    [10.0, 20.0, 0.0]
     """
     _require_places(calibration, places_m, frame_id)
     poses = {camera.name: camera.t_ref_cam for camera in calibration.cameras}
