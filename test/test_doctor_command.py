@@ -102,7 +102,10 @@ def test_unknown_lenses_are_unusable_until_they_are_to_be_estimated(
     assert main(["doctor", path]) == 2
     out, err = capsys.readouterr()
     assert "cam0    90 " in out
+    assert "missing" in out
     assert "--intrinsics" in err
+    main(["doctor", path, "--intrinsics", "unknown"])
+    assert "missing" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", ["nothing.mcap", "."])

@@ -13,6 +13,7 @@ from stcalib_ros.core.diagnosis.advice import advise
 from stcalib_ros.core.diagnosis.examine import CameraFit, Diagnosis, PairFacts
 from stcalib_ros.core.diagnosis.facts import CameraFacts
 from stcalib_ros.core.model.gathered_text import as_sentence
+from stcalib_ros.core.model.lens_knowledge import LensKnowledge
 from stcalib_ros.core.model.rejection_text import labelled, left_out_sentences, whole_sentences
 from stcalib_ros.io.reasons import plain_rejection, plain_remark
 from stcalib_ros.wording import count
@@ -110,11 +111,16 @@ def _images(cameras: Sequence[CameraFacts]) -> str:
             f"{camera.begin_s - first_s:+.2f} s",
             f"{camera.end_s - camera.begin_s:.1f} s",
             f"{camera.common_fraction:.0%}",
-            camera.lens.value,
+            _lens(camera),
         )
         for camera in cameras
     ]
     return table([head, *rows])
+
+
+def _lens(camera: CameraFacts) -> str:
+    is_missing = camera.lens is LensKnowledge.GIVEN and not camera.has_intrinsics
+    return "missing" if is_missing else camera.lens.value
 
 
 def _people(cameras: Sequence[CameraFacts]) -> str:

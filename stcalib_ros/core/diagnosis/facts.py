@@ -54,6 +54,8 @@ class CameraFacts:
         Width and height of the image that CameraInfo describes.
     lens : LensKnowledge
         What the intrinsics are worth.
+    has_intrinsics : bool
+        Whether the recording has intrinsics of this camera.
     """
 
     name: str
@@ -73,6 +75,7 @@ class CameraFacts:
     projection: float
     size_px: tuple[int, int]
     lens: LensKnowledge
+    has_intrinsics: bool
 
 
 def facts_of(cameras: Sequence[CameraRecording], options: Options) -> tuple[CameraFacts, ...]:
@@ -119,6 +122,7 @@ def _facts(
         projection=_projection(camera, options.min_score),
         size_px=(lens.width, lens.height),
         lens=camera.lens_knowledge or LensKnowledge(options.intrinsics),
+        has_intrinsics=lens.known,
     )
 
 
