@@ -53,7 +53,20 @@ def test_errors_beside_their_targets(
     printed = capsys.readouterr().out
     assert f"E_R            {error_rad:.4f} rad" in printed
     assert sum(word.endswith(".mp4") for word in said) == 4
-    assert "cam3=5e-05" in said
+    assert not {"--line-time", "--estimate-line-time"} & set(said)
+
+
+def test_the_rolling_shutter_is_given_or_estimated_if_asked(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = _stand_in(monkeypatch, error_rad=0.0)
+    assert level.main([*_ARGUMENTS, "--line-delay", "given", "estimated"]) == 0
+    assert said.count("--output") == 2
+    assert said[said.index("--line-time") + 1] == "cam3=5e-05"
+    assert said.count("--estimate-line-time") == 1
+    printed = capsys.readouterr().out
+    assert "line delay given" in printed
+    assert "line delay estimated" in printed
 
 
 def test_what_the_command_says_when_it_fails(
