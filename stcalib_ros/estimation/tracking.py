@@ -290,10 +290,11 @@ class PersonTracker:
 def _confusable(
     cost: Float64Array, pose_of: Mapping[int, int], has_poses: Sequence[bool]
 ) -> Collection[int]:
-    """Return the people who could as well be one another.
+    """Return the people who could be one another.
 
-    If two change places, or one who is not seen takes the pose of another, the costs (A, B) rise by
-    less than `MIN_DISTINCTION`. Somebody with a new id that has no poses cannot be mistaken.
+    Those are two who could change places, or one who is not seen and could have the pose of
+    another, at a cost (A, B) that is higher by less than `MIN_DISTINCTION`. Somebody whose new id
+    has no poses yet is not counted: nothing could be mistaken.
     """
     confusable: set[int] = set()
     for a, pose in pose_of.items():
