@@ -137,6 +137,7 @@ def most_stabbed(low: Float64Array, high: Float64Array, *, period: float) -> tup
     """
     always = high - low >= period
     low, high = low[~always] % period, high[~always]
+    low = np.where(low < period, low, 0.0)  # the remainder of a tiny negative number is rounded up
     high = low + (high - (high // period) * period - low) % period
     wrapped = high > period
     starts = np.concatenate([low, np.zeros(int(wrapped.sum()))])

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -58,6 +58,7 @@ intervals = st.lists(
 
 
 @given(intervals)
+@example([(0.0, 0.0), (-2.2250738585072014e-308, 6.450266809048073e-69)])
 @settings(max_examples=200, deadline=None)
 def test_most_stabbed_counts_as_a_fine_grid_does(given_intervals) -> None:
     low = np.array([a for a, _ in given_intervals])
